@@ -1,4 +1,4 @@
-"""Tables of accuracy, coverage and time, for farpoint and the peers that are installed.
+"""Tables of accuracy, coverage and time, for farpoint and installed peer libraries.
 
-`farpoint.bench.run.run_bench` makes them, by `farpoint.bench.options.BenchOptions`.
+`farpoint.bench.run.run_bench` makes the tables that `farpoint.bench.options.BenchOptions` select.
 """

@@ -64,20 +64,20 @@ _INTERVAL = (0.025, 0.975)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Errors:
-    """Errors over V pairs of views; NaN for a missing estimate or missing truth.
+    """Errors over V pairs of views; NaN where the estimate or the truth is missing.
 
     Attributes
     ----------
     dtheta_rad : ndarray, shape (V, 3)
-        ``R_true = Exp(dtheta) @ R_est``.
+        Rotation errors, ``R_true = Exp(dtheta) @ R_est``.
     rotation_deg, direction_deg : ndarray, shape (V,)
-        Angles between estimate and truth.
+        Angles between estimate and truth, deg.
     failed : int
-        Pairs without any answer.
+        Number of pairs without any estimate.
     undecided : int
-        Pairs with a rotation but no direction.
+        Number of pairs with an estimate of the rotation but not of the direction.
     gross : int
-        Answers whose rotation is more than 1 deg off or whose direction is more than 30 deg off.
+        Number of estimates with a rotation error above 1 deg or a direction error above 30 deg.
     """
 
     dtheta_rad: np.ndarray
@@ -91,7 +91,7 @@ class Errors:
 def errors_of(
     run: EstimatorRun, views: Sequence[TwoViews], *, min_translation: float = 0.0
 ) -> Errors:
-    """Errors against the truth; a translation shorter than `min_translation` has no direction."""
+    """Errors against the truth; NaN for the direction of translations below `min_translation`."""
     R_true, directions_true = _truth(views, min_translation)
     dtheta = rotation_error(run.rotations, R_true)
     rotation_deg = np.degrees(np.linalg.norm(dtheta, axis=1))
@@ -109,24 +109,25 @@ def errors_of(
 
 
 def error_cells(errors: Errors) -> tuple[Cell, ...]:
-    """Cells of a table, in `ERROR_COLUMNS`."""
+    """Cells of a row of a table, in the order of `ERROR_COLUMNS`."""
     rotation, direction = summarize(errors.rotation_deg), summarize(errors.direction_deg)
     middle = rotation.median, rotation.mean, direction.median, direction.mean
     return *middle, errors.failed, errors.undecided, errors.gross
 
 
 def real_cells(runs: Sequence[EstimatorRun], views: Sequence[TwoViews]) -> list[tuple[Cell, ...]]:
-    """Cells of each run in a table of real images, in `REAL_COLUMNS`; farpoint is the first run."""
+    """Cells of each run, in the order of `REAL_COLUMNS`; the first run must be farpoint's."""
     errors = [errors_of(run, views, min_translation=MIN_TRANSLATION_M) for run in runs]
     return [(*error_cells(each), *ratio_cells(each, errors[0])) for each in errors]
 
 
 def ratio_cells(errors: Errors, reference: Errors) -> tuple[float, float, float]:
-    """Ratio of the mean rotation error to that of a ``reference``, and its 95 % interval.
+    """Mean rotation error over the mean error of a ``reference``, and 95 % interval of the ratio.
 
-    A few pairs with large errors make up most of a mean, so two means of the same pairs may differ
-    by 50 % by chance. Pairs are resampled with both errors of each pair (bootstrap,
-    percentiles: Efron, Ann. Stat. 7, 1979, DOI 10.1214/aos/1176344552).
+    A few pairs with large errors dominate a mean, so that two means over the same pairs may differ
+    by 50 % by chance. The interval has the percentiles of a bootstrap, in which pairs are drawn
+    together with the errors of both estimators (Efron, Ann. Stat. 7, 1979, DOI
+    10.1214/aos/1176344552).
     """
     both = np.isfinite(errors.rotation_deg) & np.isfinite(reference.rotation_deg)
     pairs = np.stack([errors.rotation_deg[both], reference.rotation_deg[both]])
@@ -139,7 +140,7 @@ def ratio_cells(errors: Errors, reference: Errors) -> tuple[float, float, float]
 
 
 def _over(pairs: np.ndarray) -> np.ndarray:
-    """Mean of the first row over the mean of the second row; 1 if both are zero."""
+    """Mean of the first row divided by mean of the second row; 1 if both means are zero."""
     ours, theirs = pairs.mean(axis=-1) + 1e-300
     return ours / theirs
 
@@ -147,17 +148,18 @@ def _over(pairs: np.ndarray) -> np.ndarray:
 def bound_ratios(
     run: EstimatorRun, views: Sequence[TwoViews], bounds: np.ndarray
 ) -> tuple[float, float]:
-    """Errors of rotation and direction over their Cramer-Rao bounds; 1 is the best possible value.
+    """Errors of rotation and direction divided by the Cramer-Rao bounds; the best value is 1.
 
-    The ratio is the median of the errors, each normalised by its bound, over the median of the chi
-    distribution. A missing estimate counts as an infinite error.
+    Each error is normalised by the bound of the same pair. The ratio is the median of the
+    normalised errors, divided by the median of the chi distribution. A missing estimate counts as
+    an infinite error.
 
     Parameters
     ----------
-    course : Course
+    run : EstimatorRun
     views : sequence of TwoViews, length V
     bounds : ndarray, shape (V, 5, 5)
-        Bounds of `farpoint.synthetic.cramer_rao_bound`.
+        Bounds from `farpoint.synthetic.cramer_rao_bound`.
     """
     R_true, directions_true = _truth(views, 0.0)
     # The bound lives in the tangent space of the truth, so the truth takes the estimate's place.
@@ -174,7 +176,7 @@ def _ratio(errors: np.ndarray, bounds: np.ndarray) -> float:
 
 
 def _truth(views: Sequence[TwoViews], min_translation: float) -> tuple[np.ndarray, np.ndarray]:
-    """True rotations (V, 3, 3) and directions (V, 3); NaN for a translation that is too short."""
+    """True rotations (V, 3, 3) and directions (V, 3), NaN if the translation is too short."""
     translations = np.array([v.translation_cam1_from_cam0 for v in views])
     length = np.linalg.norm(translations, axis=1)
     directions = np.full_like(translations, np.nan)

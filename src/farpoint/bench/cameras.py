@@ -1,4 +1,4 @@
-"""Cameras that look at rendered streets."""
+"""Cameras of the rendered streets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Line chart over an axis of powers of ten, as one self-contained SVG."""
+"""Line chart with a logarithmic axis, as one self-contained SVG."""
 
 from __future__ import annotations
 
@@ -44,11 +44,11 @@ def line_chart(
     ----------
     title, x_label, y_label : str
     x : ndarray, shape (N,)
-        Positive where `log_x`.
+        Abscissae; positive if `log_x`.
     lines : mapping of str to ndarray, shape (N,)
         Values by name, in the order of the legend.
     log_x : bool
-        Whether the horizontal axis is logarithmic, as the vertical one always is.
+        Whether the horizontal axis is logarithmic. The vertical axis is always logarithmic.
     """
     every = np.concatenate(list(lines.values()))
     low, high = math.floor(math.log10(every.min())), math.ceil(math.log10(every.max()))

@@ -1,4 +1,4 @@
-"""Errors of many poses against their covariances, as cells of a table."""
+"""Errors of many poses, compared with their covariances, as cells of a table."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ CONSISTENCY_COLUMNS = tuple(
 def pose_errors(
     poses: Sequence[RelativePose], true_rotations: np.ndarray, true_translations: np.ndarray
 ) -> PairErrors:
-    """Errors and covariances of P poses against their truth, (P, 3, 3) and (P, 3)."""
+    """Errors and covariances of P poses; the true motions have shapes (P, 3, 3) and (P, 3)."""
     return pair_errors(
         statuses=[pose.status for pose in poses],
         rotations=np.array([_or_nan(p.rotation_cam1_from_cam0, 3, 3) for p in poses]),
@@ -42,7 +42,7 @@ def pose_errors(
 
 
 def consistency_cells(errors: PairErrors) -> tuple[Cell, ...]:
-    """The cells of `CONSISTENCY_COLUMNS`."""
+    """Cells of a row, in the order of `CONSISTENCY_COLUMNS`."""
     pose = consistency(errors.errors, errors.covariances)
     rotation = consistency(errors.errors[:, :3], errors.covariances[:, :3, :3])
     return (*_cells(pose), *_cells(rotation))

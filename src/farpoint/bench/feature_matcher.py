@@ -1,4 +1,4 @@
-"""Matches of two images by a few calls of OpenCV, as in its tutorials."""
+"""Matches of two images by a few calls of OpenCV, as in OpenCV's tutorials."""
 
 from __future__ import annotations
 
@@ -15,21 +15,23 @@ _RATIO = 0.8
 
 
 class Matcher(Protocol):
-    """Whatever finds points of one image in another."""
+    """Interface of objects that find points of one image in another image."""
 
     def match(self, image0: np.ndarray, image1: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Points (N, 2) of one image, and their positions in the other image."""
+        """Points (N, 2) of one image, and positions of the same points in the other image."""
         ...
 
 
 class FeatureMatcher:
-    """Matcher of nearest descriptors, kept if the second nearest is much farther (ratio test of
-    Lowe).
+    """Matcher of nearest descriptors with Lowe's ratio test.
+
+    A match is kept if the second nearest descriptor is much farther than the nearest descriptor.
 
     Parameters
     ----------
     kind : {"SIFT", "ORB"}
-        Kind of features and descriptors, with OpenCV's defaults except for their number, 1000.
+        Kind of features and descriptors. OpenCV's defaults are used, except for a number of 1000
+        features.
     """
 
     def __init__(self, kind: Literal["SIFT", "ORB"]) -> None:
@@ -39,7 +41,7 @@ class FeatureMatcher:
         self._matcher = cv2.BFMatcher(cv2.NORM_L2 if is_sift else cv2.NORM_HAMMING)
 
     def match(self, image0: np.ndarray, image1: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Points (N, 2) of the features of one image, and their positions in the other image."""
+        """Features (N, 2) of one image, and positions of the same points in the other image."""
         (points0, words0), (points1, words1) = (
             self._features.detectAndCompute(image, None) for image in (image0, image1)
         )

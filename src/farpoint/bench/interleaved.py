@@ -1,4 +1,4 @@
-"""Runs of all estimators in turn on the same matches, so that other load affects all of them."""
+"""Runs of all estimators in turn on the same matches, so that other load affects all equally."""
 
 from __future__ import annotations
 
@@ -25,11 +25,12 @@ class EstimatorRun:
     ----------
     estimator : Estimator
     rotations : ndarray, shape (V, 3, 3)
-        ``R_cam1_from_cam0``; NaN where there is no answer.
+        ``R_cam1_from_cam0``; NaN where the estimate is missing.
     directions : ndarray, shape (V, 3)
-        ``direction_cam1_from_cam0``, unit; NaN where there is none.
+        Unit vectors ``direction_cam1_from_cam0``; NaN where the estimate is missing.
     seconds, first_seconds : ndarray, shape (V,)
-        Shortest time of a call on each pair, and time of the first call, with cold caches.
+        Shortest time of a call on each pair, and time of the first call on each pair, which runs
+        with cold caches, s.
     """
 
     estimator: Estimator
@@ -49,20 +50,22 @@ def run_interleaved(
 ) -> list[EstimatorRun]:
     """Run every estimator on every pair of views, interleaved.
 
-    The conversion of the matches to the input of a library is not timed. Each estimator first runs
-    once on the first views without timing, so that no loading or compilation is timed.
+    The conversion of the matches to the input of a library is not timed. Before timing begins, each
+    estimator runs once on the first pair of views, so that no loading or compilation is timed.
 
     Parameters
     ----------
     estimators : sequence of Estimator
     views : sequence of TwoViews
-        At least one.
+        Pairs of views; at least one.
     seed : int
-        Given to every estimator on every call.
+        Seed that every estimator gets in every call.
     repeats : int
-        Timed calls of each; the shortest counts. Calls of more than 20 ms are not repeated.
+        Number of timed calls of each estimator on each pair; the shortest time is used. Calls of
+        more than 20 ms are not repeated.
     progress : callable
-        Called after each pair of views with the number of finished and of all pairs.
+        Called after each pair of views with the number of finished pairs and the number of all
+        pairs.
     """
     shape = (len(estimators), len(views))
     rotations = np.full((*shape, 3, 3), np.nan)

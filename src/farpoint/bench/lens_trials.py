@@ -29,18 +29,18 @@ _DRAWS = 100  # until one makes a lens
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LensTrial:
-    """What came of a recording.
+    """Result of a simulated recording.
 
     Attributes
     ----------
     parameters : dict of str to float
-        Errors of the model's parameters that were free, in their sigmas.
+        Errors of the estimated parameters of the lens model, each divided by its sigma.
     nees : float
-        NEES of all free directions of the lens together, over their number.
+        NEES of the lens, divided by the number of free directions in the space of the parameters.
     readout : float
-        Error of the read-out time, in its sigma.
+        Error of the read-out time, divided by its sigma.
     path : PathSamples
-        The final poses, with their truth.
+        The final poses and the true poses.
     """
 
     parameters: dict[str, float]
@@ -73,7 +73,7 @@ def calibrated_wrong(
 def try_lens(
     true: Camera, error: LensError, *, seed: int, prior: LensRefinementOptions | None = None
 ) -> LensTrial:
-    """A handheld recording with a wrong lens and an unknown read-out time."""
+    """Simulate a handheld recording with a wrong lens and an unknown read-out time."""
     prior = prior or LensRefinementOptions()
     rng = np.random.default_rng((seed, 9))
     given = calibrated_wrong(true, error, rng, prior)
@@ -115,8 +115,9 @@ def try_lens(
 
 
 class _Motions:
-    """Two-view motions by the given lens and shutter, and by the estimated ones once they differ
-    clearly.
+    """Two-view motions, estimated with the lens and the shutter that are in use.
+
+    The given lens and shutter are in use until the estimates differ clearly from the given values.
     """
 
     def __init__(self, given: Camera, options: LensRefinementOptions) -> None:
@@ -125,7 +126,7 @@ class _Motions:
     def estimate(
         self, points0: np.ndarray, points1: np.ndarray, covariance_px2: np.ndarray, seconds: float
     ) -> RelativePose:
-        """The motion of matches (N, 2), px, by the lens in use."""
+        """The motion from matches (N, 2), px, with the lens in use."""
         half_px2 = 0.5 * covariance_px2
         return estimate_relative_pose(
             points0,
@@ -137,7 +138,7 @@ class _Motions:
         )
 
     def update(self, lens: LensEstimate | None) -> None:
-        """Adopt what the path has found of the lens."""
+        """Take over the path's estimate of the lens."""
         self._lens.update(lens)
 
 

@@ -1,4 +1,4 @@
-"""A live session with simulated faults of the camera, compared with the known faults."""
+"""A live session with simulated faults of the camera, whose counts are compared with the faults."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ class Claim:
     ----------
     what : str
     expected, found : int
-        Expected number, by the source or by the counts of the session; and the number found, in
-        these counts or in the files.
+        Expected number, known from the source or from the counts of the session, and number found
+        in the counts of the session or in the files.
     """
 
     what: str
@@ -54,7 +54,7 @@ class LiveMoment:
     ----------
     elapsed_s : float
     memory_mb : float
-        Memory of the process and of the drawing processes.
+        Memory of this process and of the drawing processes, MB.
     state : LiveState
     """
 
@@ -65,13 +65,13 @@ class LiveMoment:
 
 @dataclass(frozen=True, kw_only=True)
 class LiveTrial:
-    """What came out.
+    """Result of a live session.
 
     Attributes
     ----------
     claims : tuple of Claim
     moments : tuple of LiveMoment
-        Tenths of the session.
+        States at the end of each tenth of the session.
     state : LiveState
         State after everything was closed.
     black, failed : int
@@ -88,19 +88,21 @@ class LiveTrial:
 def try_live(
     duration_s: float, out: Path, *, seed: int = 0, output: OutputOptions | None = None
 ) -> LiveTrial:
-    """Run a live session on a looped drive at 30 frames a second, with stalls, black frames and
-    disconnections.
+    """Run a live session on a looped drive at 30 frames per second, with simulated faults.
+
+    The faults are stalls, black frames and disconnections.
 
     Parameters
     ----------
     duration_s : float
-        Each fault comes once a minute and lasts 3 s; in a shorter session once, for a twentieth.
+        Duration of the session, s. Each fault occurs once a minute and lasts 3 s. In a session of
+        less than a minute, each fault occurs once and lasts a twentieth of the session.
     out : Path
-        Folder for the outputs, a recording of the display among them.
+        Folder for the outputs. A recording of the display is written beside this folder.
     seed : int
         Seed of the drive.
     output : OutputOptions, optional
-        As those of ``farpoint live`` by default: no overlay.
+        Options of the outputs; by default those of ``farpoint live``, without overlay.
     """
     periods = max(1, round(duration_s / _PERIOD_S))
     playback = Playback(
@@ -136,7 +138,7 @@ def try_live(
 
 
 def _there_and_back(seed: int) -> list[Frame]:
-    """A drive that can be repeated without a jump."""
+    """A drive forward and back, which can be repeated without a jump."""
     drive = list(render_drive(_CAMERA, frames=_PICTURES, seed=seed))
     return [
         Frame(index=k, timestamp=k / _FPS, image=frame.image, name=frame.name)

@@ -34,7 +34,7 @@ class MatchFile:
     name : str
         Stem of the file.
     views : tuple of TwoViews
-        The pairs in it.
+        The pairs in the file.
     """
 
     name: str
@@ -42,9 +42,7 @@ class MatchFile:
 
 
 def find_match_files(places: tuple[Path, ...]) -> tuple[Path, ...]:
-    """The ``.npz`` files among the given places, in these folders, and in their subfolders
-    ``pairs``.
-    """
+    """The ``.npz`` files among ``places``, in these folders, and in subfolders ``pairs``."""
     files: list[Path] = []
     for place in places:
         if not place.exists():
@@ -59,16 +57,16 @@ def find_match_files(places: tuple[Path, ...]) -> tuple[Path, ...]:
 def read_matches(path: Path) -> MatchFile:
     """Read the pairs of a file.
 
-    The archive has these arrays: ``x0, x1`` (M, 2), pixels of all pairs stacked; ``start`` (P+1,),
-    so that rows ``start[k]:start[k+1]`` are pair k; ``R`` (P, 3, 3) and ``t`` (P, 3),
-    cam1_from_cam0 in metres; ``camera`` (9,), ``fx fy cx cy k1 k2 p1 p2 k3``; ``size`` (2,), width
-    and height.
+    The archive has these arrays. ``x0`` and ``x1`` (M, 2) are the pixels of all pairs, stacked.
+    ``start`` (P+1,) gives the rows ``start[k]:start[k+1]`` of pair k. ``R`` (P, 3, 3) and ``t`` (P,
+    3) are the true motions cam1_from_cam0, with ``t`` in metres. ``camera`` (9,) has the values
+    ``fx fy cx cy k1 k2 p1 p2 k3``. ``size`` (2,) is width and height of the images, px.
 
     Raises
     ------
     InputError
-        If the file is no such archive, or an array is missing, of another shape, not finite, or
-        ``start`` does not cut the rows into pairs; names file and array.
+        If the file is no such archive, if an array is missing, has another shape or is not finite,
+        or if ``start`` does not divide the rows into pairs. The message names file and array.
     """
     arrays = _read_arrays(path)
     start, pairs = arrays["start"].astype(np.int64), len(arrays["R"])

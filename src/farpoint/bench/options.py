@@ -44,14 +44,14 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True, kw_only=True)
 class CoverageGrid:
-    """Cells of the table of coverage: every combination of these.
+    """Values whose combinations are the cells of the table of coverage.
 
     Attributes
     ----------
     baselines_m : tuple of float
-        Lengths of the translation, m; near points are 1-4 m away.
+        Lengths of the translation, m. The distances of near points are 1 to 4 m.
     far_shares : tuple of float
-        Shares, 0 to 1, of the inliers at 25-35 m.
+        Shares, 0 to 1, of inliers with a distance of 25 to 35 m.
     noises_px : tuple of float
         1-sigma of the noise of a coordinate, px.
     outlier_shares : tuple of float
@@ -79,7 +79,7 @@ class CoverageGrid:
 
     @classmethod
     def whole(cls) -> CoverageGrid:
-        """All scenes for which the covariances are promised; takes hours."""
+        """The grid of all scenes for which the covariances are promised. The table takes hours."""
         return cls(
             baselines_m=(0.0, 0.02, 0.05, 0.2),
             far_shares=(0.0, 0.5, 1.0),
@@ -99,22 +99,24 @@ class BenchOptions:
     tables : tuple of str
         Names of the tables.
     pairs : int or None
-        Pairs of views in each cell of ``paper``, ``accuracy``, ``pairs`` and ``movers``, scenes for
-        each time in ``time``, frames of ``pipeline`` and ``drawing``, seconds of ``live``, pairs of
-        frames of ``lenses`` and of each row of ``tracks``, ``motions`` and ``steps``, motions of
-        each drive or sequence of ``path``, recordings of each row of ``lens``. None takes 2000,
-        300, 60, 60, 30, 60, 60, 60, 40, 60, 168, 40, 100 (of a sequence all) and 7.
+        Size of each table. The default sizes are given here in parentheses. The size is a number
+        of pairs of views per cell (``paper`` 2000, ``accuracy`` 300, ``pairs`` 60, ``movers`` 60),
+        pairs of frames per row (``lenses`` 40, ``tracks`` 60, ``motions`` 168, ``steps`` 40),
+        scenes per time (``time`` 30), frames (``pipeline`` 60, ``drawing`` 60), seconds of
+        a session (``live`` 60), motions (``path``, by default 100 of each rendered drive or all of
+        each sequence), or recordings per row (``lens`` 7).
     seed : int
-        Seed of scenes and estimators: the same seed gives the same figures, except times.
+        Seed of scenes and estimators. The same seed gives the same figures, except for times.
     data : tuple of Path
-        Real data: files of matches (``.npz``), image sequences with their calibration, measured
-        motions (TUM's format), or folders of them. ``pairs`` needs the first; ``halves`` the
-        second, ``steps`` with a file of true poses; ``pipeline``, ``drawing`` and ``path``, of
-        sequences with true poses, render drives where there are none. ``motions`` moves as the
-        third, too.
+        Real data: files of matches (``.npz``), image sequences with calibrations, measured
+        motions (TUM's format), or folders of such data. ``pairs`` needs files of matches. The
+        tables ``halves`` and ``steps`` need image sequences; for ``steps`` the sequences must have
+        true poses. The tables ``pipeline``, ``drawing`` and ``path`` use image sequences, and
+        render drives if the data has none. ``path`` leaves out sequences without true poses. The
+        table ``motions`` also moves the rendered camera along measured motions.
     full : bool
-        Every pair of the files, the whole grid of the table of coverage, 10 minutes of ``live``:
-        hours.
+        Use every pair of the files of matches, the whole grid of the table of coverage, and a
+        session of 10 minutes for ``live``. These tables take hours.
     grid : CoverageGrid
         Cells of the table of coverage.
     """
@@ -140,7 +142,7 @@ class BenchOptions:
             raise InputError("expected the whole grid or parts of it, got both", field="full")
 
     def command(self, table: TableName) -> str:
-        """The command line that makes one table as these options do."""
+        """The command line that makes one table with these options."""
         words = ["farpoint", "bench", "--tables", table]
         words += [] if self.pairs is None else ["--pairs", str(self.pairs)]
         words += ["--seed", str(self.seed)]

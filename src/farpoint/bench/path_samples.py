@@ -1,4 +1,4 @@
-"""Paths with their truth, as the metrics take them."""
+"""Paths with true poses, in the form that the metrics take."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ def samples_of(
     motions: Sequence[OdometryResult] | Sequence[PathPoint] | None = None,
     length_from: Sequence[int] | None = None,
 ) -> PathSamples:
-    """Samples of the final poses, as a run writes them, with the true poses (N, 4, 4) of the
-    frames.
+    """Samples of the final poses of a run, with the true poses (N, 4, 4) of all frames.
 
-    ``motions`` are the results at each frame, from which lengths are taken, and ``length_from`` are
-    the frames at which the lengths begin. Without ``motions`` there are no lengths.
+    ``motions`` are the results at each frame, from which the lengths of the motions are taken.
+    ``length_from`` are the frames at which these lengths begin. Without ``motions`` all lengths are
+    missing.
     """
     frames = [pose.frame1 for pose in poses]
     lengths, sigmas = np.full((2, len(frames)), np.nan)

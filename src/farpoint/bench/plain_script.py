@@ -1,4 +1,4 @@
-"""A basic program to compare with: monocular odometry in a few calls of OpenCV."""
+"""A basic program for comparison: monocular odometry in a few calls of OpenCV."""
 
 from __future__ import annotations
 
@@ -20,8 +20,9 @@ _MIN_MATCHES = 5
 
 
 class PlainScript:
-    """Odometry by new corners in every frame, Lucas-Kanade forward and back, and an essential
-    matrix.
+    """Odometry by corners, Lucas-Kanade forward and back, and an essential matrix.
+
+    New corners are detected in every frame.
 
     Parameters
     ----------
@@ -42,7 +43,7 @@ class PlainScript:
         self._last: np.ndarray | None = None
 
     def process(self, image: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """Motion since the last image, ``R_cam1_from_cam0`` and direction; None without one."""
+        """Rotation and direction, cam1_from_cam0, since the last image; None if unknown."""
         last, self._last = self._last, image
         if last is None:
             return None
@@ -58,7 +59,7 @@ class PlainScript:
         return R, t[:, 0]
 
     def match(self, image0: np.ndarray, image1: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Points (N, 2) of the corners of one image, and their positions in the other image."""
+        """Corners (N, 2) of one image, and positions of the same points in the other image."""
         cv2 = self._cv2
         corners = cv2.goodFeaturesToTrack(image0, self._max_corners, _QUALITY, _MIN_DISTANCE_PX)
         if corners is None:

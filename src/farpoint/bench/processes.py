@@ -14,7 +14,7 @@ _PARENT, _USER, _KERNEL = 1, 11, 12
 
 
 def resident_mb() -> float:
-    """Memory in use, MB; on a system without this figure, the peak of this process."""
+    """Memory in use, MB; if the system does not report this figure, the peak of this process."""
     import resource  # not on Windows
 
     try:
@@ -32,7 +32,7 @@ def children_cpu_s() -> float:
 
 
 def _children() -> Iterator[tuple[int, list[str]]]:
-    """Number and fields of each running process that this one started."""
+    """Process id and status fields of each running process that this process has started."""
     for place in Path("/proc").glob("[0-9]*/stat"):
         try:
             fields = place.read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()

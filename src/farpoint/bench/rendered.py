@@ -1,4 +1,4 @@
-"""Odometry over rendered images: errors, covariances, and the Cramer-Rao bound of its tracks."""
+"""Odometry over rendered images: errors, covariances, and Cramer-Rao bound of the tracks."""
 
 from __future__ import annotations
 
@@ -50,13 +50,13 @@ _RIGHT_SIGMA = 5.0
 class RenderedErrors:
     """Errors over P pairs of frames; NaN for a missing estimate.
 
-    For a pair with a rotation only, ``rotation_nees`` is the only figure.
+    For a pair with an estimate of the rotation only, ``rotation_nees`` is the only figure.
 
     Attributes
     ----------
     statuses : tuple of PoseStatus, length P
     rotation_deg, direction_deg : ndarray, shape (P,)
-        Angles between estimate and truth.
+        Angles between estimate and truth, deg.
     rotation_nees, direction_nees, pose_nees : ndarray, shape (P,)
         Squared errors, normalised by the covariances (NEES).
     rotation_over_bound, direction_over_bound : ndarray, shape (P,)
@@ -75,9 +75,10 @@ class RenderedErrors:
     tracks: np.ndarray
 
     def bound_ratios(self) -> tuple[float, float]:
-        """Errors of rotation and direction over the bound: their medians over the median of chi.
+        """Errors of rotation and direction, relative to the Cramer-Rao bound.
 
-        A missing answer counts as infinitely wrong.
+        Each value is the median of the normalised errors, divided by the median of the chi
+        distribution. A missing estimate counts as an infinite error.
         """
         rotation, direction = (
             math.sqrt(np.median(np.where(np.isnan(squared), np.inf, squared)) / typical)
@@ -97,16 +98,17 @@ def run_rendered(
     options: OdometryOptions | None = None,
     progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> RenderedErrors:
-    """Odometry over rendered sequences that move all the time; each pair is compared with the
-    truth.
+    """Run odometry over rendered sequences and compare each pair of frames with the truth.
+
+    The camera must move in every pair.
 
     Parameters
     ----------
     *sequences : RenderedSequence
-        Images with truth; odometry begins anew with each.
+        Images with true poses. Odometry starts again with each sequence.
     options : OdometryOptions, optional
     progress : callable
-        Called with the number of finished frames and of all frames.
+        Called with the number of finished frames and the number of all frames.
     """
     rows, statuses = [], []
     done, total = 0, sum(map(len, sequences))
@@ -122,7 +124,7 @@ def run_rendered(
 
 
 def joined(errors: Sequence[RenderedErrors]) -> RenderedErrors:
-    """Errors of several runs as those of one."""
+    """Errors of several runs, joined into one record."""
     return RenderedErrors(
         statuses=tuple(status for one in errors for status in one.statuses),
         **{name: np.concatenate([getattr(one, name) for one in errors]) for name in _FIGURES},
@@ -130,7 +132,7 @@ def joined(errors: Sequence[RenderedErrors]) -> RenderedErrors:
 
 
 def rendered_cells(errors: RenderedErrors) -> tuple[Cell, ...]:
-    """The cells of `RENDERED_COLUMNS`; cells of directions are None without directions."""
+    """Cells in the order of `RENDERED_COLUMNS`; cells of directions are None without directions."""
     ok = sum(status is PoseStatus.OK for status in errors.statuses)
     rotation_deg, direction_deg = (
         float(np.nanmedian(angles)) if ok else None
@@ -149,7 +151,7 @@ def rendered_cells(errors: RenderedErrors) -> tuple[Cell, ...]:
 
 
 def _covered(squares: np.ndarray, dof: int) -> float | None:
-    """Share of the regions that contain the truth, among the pairs with a region."""
+    """Share of the 95 % regions that contain the truth; None if no pair has a region."""
     given = squares[~np.isnan(squares)]
     return float(np.mean(given <= chi2_quantile(0.95, dof))) if given.size else None
 
@@ -185,7 +187,7 @@ def _row(sequence: RenderedSequence, result: OdometryResult) -> tuple[float, ...
 
 
 def _scene(sequence: RenderedSequence, result: OdometryResult, motion: np.ndarray) -> PointScene:
-    """The tracks as a scene of known points: inlier or outlier, distance, and noise of each."""
+    """The tracks as a scene of points with known outliers, distances and noise."""
     tracks = result.tracks
     error_px = tracks.points1 - sequence.transfer(tracks.points0, result.frame0, result.frame1)
     length = np.linalg.norm(error_px, axis=1)

@@ -1,4 +1,4 @@
-"""The tables one after the other, each written while it grows."""
+"""The tables, made one after the other and written to files while rows are added."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class BenchReport:
     date : str
         Day of the run in UTC, as in 2026-11-28.
     environment : str
-        Machine, versions, and which peers are absent.
+        Machine, versions of libraries, and names of the peers that are not installed.
     tables : tuple of Table
         Tables in the requested order.
     skipped : tuple of str
@@ -87,11 +87,11 @@ class BenchReport:
 
     @property
     def heading(self) -> str:
-        """Where and when the tables were made."""
+        """Date and environment in which the tables were made."""
         return f"{self.environment}\n{self.date} (UTC)"
 
     def to_text(self) -> str:
-        """Everything, as in ``bench.txt``."""
+        """The whole report as text, as in ``bench.txt``."""
         parts = [self.heading, *(table.to_text() for table in self.tables), *self.skipped]
         return "\n\n\n".join(parts) + "\n"
 
@@ -106,15 +106,16 @@ def run_bench(
     """Make the tables and write them to a folder.
 
     ``bench.txt`` has all tables. Each table also has a ``<table>.csv`` and a ``<table>.json``, and
-    a ``<table>.svg`` if it has a chart. Each table is written as soon as it is finished. A table
-    that takes hours is written after every row, so that an interruption loses no finished row.
+    a ``<table>.svg`` if the table has a chart. Each table is written as soon as the table is
+    finished. A table that takes hours is written after every row, so that an interruption loses no
+    finished row.
 
     Parameters
     ----------
     options : BenchOptions
-        Tables and their size.
+        Options of the tables, such as names and sizes.
     out : Path
-        Folder for the files; made if missing.
+        Folder for the files; a missing folder is created.
     progress : callable
         Called with the current task, the number of finished steps and the number of all steps.
     show : callable
@@ -147,8 +148,9 @@ def run_bench(
 def _scaling(
     report: BenchReport, name: TableName, make: Callable[[], Iterable[Table]]
 ) -> Iterator[BenchReport]:
-    """The report after each table, or after more rows of a table; at the end with the reason if
-    there is no table.
+    """The report, yielded after each table and after further rows of a table.
+
+    If there is no table, the report states the reason.
     """
     made: dict[str, Table] = {}
     reason = f"--data names no {_NEEDED.get(name, 'data')}"
@@ -202,7 +204,7 @@ def _environment() -> str:
 
 
 def _processor() -> str:
-    """Name of the processor, as far as the system has it."""
+    """Name of the processor, if the system reports the name."""
     try:
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
             if line.startswith("model name"):

@@ -1,4 +1,4 @@
-"""The scenes that the tables share."""
+"""Simulated scenes that several tables use."""
 
 from __future__ import annotations
 
@@ -29,22 +29,22 @@ def draw_scenes(
     outliers: int,
     noise_px: float = PAPER_NOISE_PX,
 ) -> list[PointScene]:
-    """Scenes in the style of the paper: near points at 1-4 m, far points at 25-35 m.
+    """Scenes as in the paper: near points at 1-4 m, far points at 25-35 m.
 
-    The rotation about each axis is up to 5 degrees, and the translation has any direction.
+    The rotation about each axis is at most 5 degrees. The direction of the translation is random.
 
     Parameters
     ----------
     count : int
         Number of scenes.
     rng : numpy.random.Generator
-        Draws motions, points and noise.
+        Random generator for motions, points and noise.
     baseline_m : float
         Length of the translation, m.
     far_share : float
         Share of the true matches that are far, 0 to 1.
     matches, outliers : int
-        Number of all matches, and number of outliers among them.
+        Number of all matches, and number of outliers among these matches.
     noise_px : float
         1-sigma of the noise of a coordinate, px.
     """

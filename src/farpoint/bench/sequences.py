@@ -1,6 +1,4 @@
-"""Image sequences for the benchmark: recorded sequences with their calibration, or a rendered
-drive.
-"""
+"""Image sequences for the benchmark: recordings with a calibration, or a rendered drive."""
 
 from __future__ import annotations
 
@@ -38,14 +36,14 @@ _OTHER_TRUTHS = ("truth.tum", "groundtruth*.csv")
 
 @dataclass(frozen=True, kw_only=True)
 class Sequence:
-    """Frames to be, and the camera that took them.
+    """Sequence of images that are not yet loaded, with the camera of the images.
 
     Attributes
     ----------
     name : str
         Name of the sequence.
     camera : Camera
-        A pinhole camera: the script it is compared with knows no other.
+        A pinhole camera, because the OpenCV script for comparison knows no other camera.
     source : Path or None
         Path of the images; None for a rendered drive.
     seed : int
@@ -58,7 +56,7 @@ class Sequence:
     seed: int = 0
 
     def images(self, count: int) -> list[np.ndarray]:
-        """The first images, decoded; those that cannot be are left out."""
+        """The first ``count`` images, decoded; images that cannot be decoded are left out."""
         if self.source is None:
             frames = render_drive(self.camera, frames=count, seed=self.seed)
         else:
@@ -68,7 +66,7 @@ class Sequence:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recording:
-    """All frames of a sequence, some of them with true poses.
+    """All frames of a sequence, with true poses as far as known.
 
     Attributes
     ----------
@@ -100,12 +98,12 @@ class PosedSequence:
     world_from_cam: np.ndarray
 
     def cam1_from_cam0(self, index0: int, index1: int) -> np.ndarray:
-        """True motion (4, 4) between two of the images."""
+        """True motion (4, 4) between two images of the sequence."""
         return np.linalg.inv(self.world_from_cam[index1]) @ self.world_from_cam[index0]
 
 
 def posed_sequence(sequence: Sequence) -> PosedSequence | None:
-    """The whole sequence; None without a file of true poses among its images."""
+    """Load the whole sequence; None if the folder has no file of true poses."""
     recording = recorded(sequence, _TRUTHS)
     if recording is None:
         return None
@@ -119,10 +117,12 @@ def posed_sequence(sequence: Sequence) -> PosedSequence | None:
 def recorded(
     sequence: Sequence, truths: tuple[str, ...] = (*_TRUTHS, *_OTHER_TRUTHS)
 ) -> Recording | None:
-    """The whole sequence; None without a file of true poses, under one of these names, among its
-    images.
+    """Load the whole sequence; None if the folder has no file of true poses.
 
-    If the truth has one pose per frame, poses are assigned frame by frame; otherwise by time.
+    The file must have one of the names ``truths``.
+
+    If the file has one pose per frame, poses are assigned frame by frame. Otherwise poses are
+    assigned by time.
     """
     folder = sequence.source
     found = [file for name in truths for file in sorted(folder.glob(name))] if folder else []
@@ -146,8 +146,9 @@ def recorded(
 
 
 def find_sequences(places: tuple[Path, ...]) -> list[Sequence]:
-    """Folders, among the given places or in them, with images and the calibration of a pinhole
-    camera.
+    """Folders with images and the calibration of a pinhole camera.
+
+    Each folder is one of ``places`` or directly in one of ``places``.
     """
     sequences = []
     for place in filter(Path.is_dir, places):
@@ -161,7 +162,7 @@ def find_sequences(places: tuple[Path, ...]) -> list[Sequence]:
 
 
 def find_trajectories(places: tuple[Path, ...]) -> dict[str, Trajectory]:
-    """Measured motions by name: files in TUM's format, alone or in folders without images."""
+    """Measured motions by name, from files in TUM's format or from folders without images."""
     found = {}
     for place in places:
         folders = [] if place.is_file() else [place, *filter(Path.is_dir, place.iterdir())]
@@ -173,7 +174,7 @@ def find_trajectories(places: tuple[Path, ...]) -> dict[str, Trajectory]:
 
 
 def _sequence(folder: Path) -> Sequence | None:
-    """The folder as a sequence; None without images or without a calibration that fits them."""
+    """The folder as a sequence; None without images or without a pinhole calibration."""
     try:
         source = open_frames(folder)
         if source.calibration_path is None:
@@ -187,6 +188,6 @@ def _sequence(folder: Path) -> Sequence | None:
 
 
 def rendered_sequence(seed: int) -> Sequence:
-    """A drive through a street seen by a camera like KITTI's."""
+    """A drive through a rendered street, with a camera like that of KITTI."""
     camera = Camera.pinhole(1242, 375, 720.0, 720.0, 620.5, 187.0)
     return Sequence(name="rendered drive", camera=camera, source=None, seed=seed)

@@ -1,4 +1,4 @@
-"""A table: as text for people, and as CSV and JSON for programs."""
+"""A table, written as text for people, and as CSV and JSON for programs."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ class Column:
     Attributes
     ----------
     name : str
-        With the unit; the same in text, CSV and JSON. Names that end in ``_ms``, ``_s`` or
-        ``_fps`` or begin with ``time_`` hold times of this machine, which alone differ from run to
-        run.
+        Name with the unit, the same in text, CSV and JSON. A column whose name ends in ``_ms``,
+        ``_s`` or ``_fps`` or begins with ``time_`` has times on this machine. Only such columns
+        differ from run to run.
     decimals : int
-        Digits behind the point in the text; CSV and JSON carry six significant digits.
+        Digits after the decimal point in the text. CSV and JSON have six significant digits.
     """
 
     name: str
@@ -43,11 +43,11 @@ class Table:
     Attributes
     ----------
     name : str
-        Stem of its files.
+        File name without suffix.
     title : str
         Content of the table, in one line.
     command : str
-        The command that makes it.
+        The command that makes the table.
     columns : tuple of Column
     rows : tuple of tuple of Cell
         One cell for each column.
@@ -102,7 +102,7 @@ class Table:
         Parameters
         ----------
         **run : str
-            Further entries: time and place of the measurement.
+            Further entries: date and environment of the run.
         """
         fields = {
             **{name: json.dumps(value) for name, value in run.items()},
@@ -117,12 +117,12 @@ class Table:
 
 
 def _lines(values: Sequence[object]) -> str:
-    """A list in JSON, each of its values on a line."""
+    """A list in JSON, with each value on a separate line."""
     return "[" + ",".join(f"\n  {json.dumps(value)}" for value in values) + "\n]"
 
 
 def _plain(cell: Cell) -> Cell:
-    """The cell as JSON has it."""
+    """The value of a cell in JSON."""
     if cell is None or isinstance(cell, str):
         return cell
     if isinstance(cell, float):

@@ -19,7 +19,7 @@ class TwoViews:
     Attributes
     ----------
     camera : Camera
-        Took both images.
+        Camera that took both images.
     points0, points1 : ndarray of float64, shape (N, 2)
         Pixels; the centre of the top-left pixel is (0, 0).
     rotation_cam1_from_cam0 : ndarray, shape (3, 3)
@@ -35,7 +35,7 @@ class TwoViews:
 
 
 def views_of_scene(scene: PointScene) -> TwoViews:
-    """The part of a scene that estimators see, and its true motion."""
+    """The matches of a scene, which are the input of estimators, and the true motion."""
     return TwoViews(
         camera=scene.camera,
         points0=scene.points0,
@@ -46,5 +46,5 @@ def views_of_scene(scene: PointScene) -> TwoViews:
 
 
 def evenly_spaced(total: int, most: int) -> np.ndarray:
-    """At most ``count`` of the numbers from 0 to ``total - 1``, evenly spaced."""
+    """At most ``most`` of the numbers from 0 to ``total - 1``, evenly spaced."""
     return np.unique(np.linspace(0, total - 1, min(most, total)).astype(int))

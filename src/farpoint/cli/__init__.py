@@ -1,6 +1,4 @@
-"""The command line: it parses arguments, calls the command, and turns errors into one line and an
-exit code.
-"""
+"""The command line: parses arguments, calls the command, and reports an error in one line."""
 
 from __future__ import annotations
 
@@ -85,7 +83,7 @@ def _refuse(problem: str) -> int:
 
 
 def _discard_results() -> None:
-    """Discard text that could not be printed, so that Python does not print it again at exit."""
+    """Discard text that could not be printed, so that Python does not print the text at exit."""
     try:
         sys.stdout.flush()
     except OSError:

@@ -1,4 +1,4 @@
-"""``farpoint bench``: accuracy, coverage and time of farpoint and the installed peers."""
+"""``farpoint bench``: accuracy, coverage and time of farpoint and of installed peer libraries."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ __all__ = ["Bench"]
 
 @dataclass(frozen=True, kw_only=True)
 class Bench:
-    """Compute tables of accuracy, coverage and time for farpoint and the installed peers.
+    """Compute tables of accuracy, coverage and time for farpoint and installed peer libraries.
 
     Attributes
     ----------
     out : Path
         Folder for the tables.
     options : BenchOptions
-        Tables and their size.
+        Options of the tables, such as names and sizes.
     """
 
     out: Path = Path("farpoint-out/bench")
     options: Annotated[BenchOptions, tyro.conf.arg(name="")] = field(default_factory=BenchOptions)
 
     def __call__(self) -> None:
-        """Do it."""
+        """Run the command."""
         # Loaded on use: it brings the renderer, which the other commands need not wait for.
         from farpoint.bench.run import run_bench
 

@@ -23,13 +23,13 @@ class ShowCamera:
     calibration : Path
         Calibration file.
     name : str or None
-        Name of the camera in a file of several.
+        Name of the camera, for a file with several cameras.
     """
 
     calibration: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="CALIB")]
     name: str | None = None
 
     def __call__(self) -> None:
-        """Do it."""
+        """Run the command."""
         lines = describe(load_camera(self.calibration, self.name)).splitlines()
         print(*map(printable, lines), sep="\n")

@@ -1,4 +1,4 @@
-"""Options that several commands have, each defined once."""
+"""Options that several commands share."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ class ImageOptions:
     lens : LensOptions
         Options of the camera.
     max_megapixels : float
-        Size limit of an image; a larger image is not decoded and is a frame with a fault.
+        Size limit of an image. A larger image is not decoded and is a frame with a fault.
     follow_playlists : bool
-        Open the files that a playlist (M3U8, ffconcat, MPD, SDP) names.
+        Open the files that are named in a playlist (M3U8, ffconcat, MPD, SDP).
     mask : Path or None
-        8-bit image of the size of the frames: white pixels are used, black ones (a bonnet, a mount,
-        a logo) are not.
+        8-bit image of the same size as the frames. White pixels are used. Black pixels (a bonnet, a
+        mount, a logo) are not used.
     odometry : OdometryOptions
         Options of tracking and estimation.
     output : OutputOptions

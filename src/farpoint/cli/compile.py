@@ -1,4 +1,4 @@
-"""``farpoint compile``: kernels compiled ahead of their first use."""
+"""``farpoint compile``: compilation of the kernels before their first use."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ __all__ = ["Compile"]
 class Compile:
     """Compile the kernels into numba's cache, for container images and machines of a fleet.
 
-    The cache is beside the package, or in the folder ``NUMBA_CACHE_DIR``.
+    The cache is beside the package, or in the folder that ``NUMBA_CACHE_DIR`` names.
     """
 
     def __call__(self) -> None:
-        """Do it."""
+        """Run the command."""
         compile_kernels()
         print("compiled")

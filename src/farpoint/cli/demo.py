@@ -38,16 +38,17 @@ _FRAMES, _HANDHELD_FRAMES = 100, 60  # that take about as long: a blurred one is
 
 @dataclass(frozen=True, kw_only=True)
 class Demo:
-    """Render a drive or a walk with exact truth, estimate its motions, and print the errors.
+    """Render a drive or a walk with known true motion, estimate the motion, and print the errors.
 
     Attributes
     ----------
     out : Path
         Folder for the outputs.
     handheld : bool
-        A handheld phone, with an unknown shutter and an error of 5 % of the given focal length.
+        Render a walk with a handheld phone instead of a drive. The read-out time of the shutter is
+        unknown, and the given focal length is wrong by 5 %.
     frames : int or None
-        Length of the sequence; 100, or 60 with handheld, by default.
+        Number of frames; 100 by default, or 60 with handheld.
     seed : int
         Seed of the street, the drive and the estimator.
     output : OutputOptions
@@ -61,7 +62,7 @@ class Demo:
     output: Annotated[OutputOptions, tyro.conf.arg(name="")] = field(default_factory=OutputOptions)
 
     def __call__(self) -> None:
-        """Do it."""
+        """Run the command."""
         frames = self.frames
         if frames is None:
             frames = _HANDHELD_FRAMES if self.handheld else _FRAMES
@@ -122,7 +123,7 @@ certain there. """
 
 
 def _what_to_look_at(out: Path, output: OutputOptions, handheld: bool) -> str:
-    """Last printed lines: the files to open, and what each of them shows."""
+    """The last printed lines, which name the files to open and explain each of them."""
     far, near = output.palette.split("-")
     words = []
     if output.overlay:

@@ -1,4 +1,4 @@
-"""``farpoint evaluate``: test of the covariances of a run, with or without truth."""
+"""``farpoint evaluate``: test of the covariances of a run, with or without true poses."""
 
 from __future__ import annotations
 
@@ -20,23 +20,24 @@ __all__ = ["Evaluate"]
 
 @dataclass(frozen=True, kw_only=True)
 class Evaluate:
-    """Test the covariances of a run by halves of its matches, and compare it with true poses.
+    """Test the covariances of a run by halves of the matches, and compare the run with true poses.
 
     Attributes
     ----------
     folder : Path
         Folder of a run.
     truth : Path or None
-        TUM or KITTI trajectory, or EuRoC ground truth.
+        True poses: a TUM or KITTI trajectory, or EuRoC ground truth.
     body_from_camera : Path or None
-        Pose of the camera on the body of the truth: EuRoC's sensor.yaml (T_BS), a Kalibr camera
-        chain (T_cam_imu), or 16 numbers; by default the body is the camera.
+        File with the pose of the camera relative to the body whose true poses are given: EuRoC's
+        sensor.yaml (T_BS), a Kalibr camera chain (T_cam_imu), or 16 numbers. By default the true
+        poses are those of the camera.
     json : bool
         Print JSON instead of a table.
     pairs : Path or None
-        CSV file for the errors of each pair; needs the truth.
+        CSV file to write the errors of each pair into. This option needs truth.
     report : bool
-        Write ``report.html`` of the folder again, with the true path; needs the truth.
+        Write ``report.html`` of the folder again, with the true path. This option needs truth.
     options : EvaluationOptions
         Options of the comparison.
     """
@@ -52,7 +53,7 @@ class Evaluate:
     )
 
     def __call__(self) -> None:
-        """Do it."""
+        """Run the command."""
         if self.pairs is not None and self.truth is None:
             raise InputError("errors pair by pair need --truth", field="--pairs")
         if self.report and self.truth is None:

@@ -1,4 +1,4 @@
-"""``farpoint fleet``: many drives and one table."""
+"""``farpoint fleet``: runs of many drives, summarised in one table."""
 
 from __future__ import annotations
 
@@ -24,13 +24,14 @@ _FAILED = 1
 
 @dataclass(frozen=True, kw_only=True)
 class Fleet(RecordedOptions):
-    """Run many drives on Dask, each drive once, and write one table.
+    """Run each of many drives once, in parallel with Dask, and write one table of all drives.
 
     Attributes
     ----------
     sources : tuple of str
-        Sources of farpoint run, patterns, or lists: a CSV file with the column source and options
-        as further columns, or a text file with a source and a calibration per line.
+        Sources of farpoint run, patterns of sources, or lists of sources. A list is a CSV file with
+        a column named source and further columns named after options, or a text file with a source
+        and a calibration in each line.
     cluster : ClusterOptions
         Options of the workers.
     out : Path
@@ -44,7 +45,7 @@ class Fleet(RecordedOptions):
     out: Path = Path("farpoint-out/fleet")
 
     def __call__(self) -> int:
-        """Do it; the exit code."""
+        """Run the command and return the exit code."""
         for library in ("dask", "distributed"):
             require(library, extra="dask", purpose="running a fleet")
         if self.output.parquet:
@@ -89,7 +90,7 @@ class Fleet(RecordedOptions):
 
 
 def _typed(name: str, value: str) -> list[str]:
-    """An option of a table as text of the command line; a switch is true or false."""
+    """An option in a list as arguments of the command line; the value of a switch is a boolean."""
     if value.lower() == "true":
         return [f"--{name}"]
     if value.lower() == "false":
@@ -100,7 +101,7 @@ def _typed(name: str, value: str) -> list[str]:
 
 @dataclass(frozen=True)
 class _RunInto:
-    """The run of a drive on a worker, which supplies the folder."""
+    """The run of a drive on a worker, called with the folder for the outputs."""
 
     run: Run
 

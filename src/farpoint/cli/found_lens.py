@@ -1,4 +1,4 @@
-"""Estimated and true values of lens and shutter."""
+"""Table of estimated and true values of lens and shutter."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ _HEAD = ("lens and shutter", "given", "found", "sigma", "true", "error/sigma")
 
 
 def found_lens_text(folder: Path, true: Camera, readout_s: float) -> str:
-    """Table of each parameter that a run into ``folder`` estimated, and of the read-out time.
+    """Table of the lens parameters that a run into ``folder`` estimated, and the read-out time.
 
     Parameters
     ----------
     folder : Path
-        Holds the run's ``run.json``.
+        Folder with the ``run.json`` of the run.
     true : Camera
-        Took the images.
+        True camera, which took the images.
     readout_s : float
-        Its read-out time of a frame, first row to last, s.
+        True read-out time of a frame from the first row to the last row, s.
     """
     lens = json.loads((folder / "run.json").read_text())["lens"]
     right = true.refinable.parameters

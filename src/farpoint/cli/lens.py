@@ -1,4 +1,4 @@
-"""Options of the camera: a calibration file, or a guess."""
+"""Options of the camera: a calibration file, or an approximate field of view."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ class LensOptions:
     Attributes
     ----------
     camera : Path or None
-        Calibration file, or auto for the focal length in EXIF or a video's metadata.
+        Calibration file, or auto to use the focal length in EXIF or in the metadata of a video.
     fov : float or None
-        Instead of a calibration: field of view across the width of the image, deg, about right.
+        Approximate horizontal field of view of the image, deg, instead of a calibration.
     name : str or None
-        Camera to take from a calibration file of several.
+        Name of the camera, for a calibration file with several cameras.
     """
 
     camera: Annotated[Path | None, tyro.conf.arg(metavar="CALIB")] = None
@@ -37,7 +37,7 @@ class LensOptions:
     name: str | None = None
 
     def known(self) -> Camera | HorizontalField | None:
-        """The camera from the options; None if it comes from the source."""
+        """The camera from the options; None if the source provides the camera."""
         if self.fov is not None and self.camera is not None:
             raise InputError("expected --fov or --camera, not both", field="--fov")
         if self.fov is not None:
@@ -47,12 +47,12 @@ class LensOptions:
         return load_camera(self.camera, self.name)
 
     def from_source(self, frames: object, source: str) -> Camera | CameraGuess:
-        """The camera from the files of the source: always for a bag, otherwise on request.
+        """The camera from the files of the source, if the source is a bag or the option is auto.
 
         Parameters
         ----------
         frames : object
-            The opened source; only files and images can have a camera.
+            The opened source. Only a bag, a video file or image files can have a camera.
         source : str
             Source as given by the user.
         """

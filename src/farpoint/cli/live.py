@@ -36,13 +36,13 @@ class Live(ImageOptions):
     Attributes
     ----------
     source : str
-        Camera index or stream URL; a video or images are played at their frame rate.
+        Camera index or stream URL. A video or an image sequence is played at its frame rate.
     out : Path or None
         Folder for the outputs; farpoint-out/<source name> by default.
     duration_s : float or None
         Duration of the session, s.
     loop : bool
-        Repeat a video or images endlessly.
+        Repeat a video or an image sequence endlessly.
     viewer : ViewerOptions
         Options of the display.
     metric : HeightOptions
@@ -58,7 +58,7 @@ class Live(ImageOptions):
     metric: HeightOptions = field(default_factory=HeightOptions)
 
     def __call__(self) -> None:
-        """Do it."""
+        """Run the command."""
         if self.duration_s is not None and not self.duration_s > 0.0:
             raise InputError(f"expected more than 0, got {self.duration_s}", field="--duration-s")
         known = self.lens.known()

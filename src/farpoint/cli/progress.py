@@ -1,4 +1,4 @@
-"""Progress on standard error: frames done, frames a second, time left."""
+"""Progress on standard error: number of finished frames, frames per second, time left."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ _LONGEST_S = 30 * 86400.0  # beyond a month the number of frames is a fault of t
 
 
 class Progress:
-    """A line that is updated on a terminal; elsewhere a new line every few seconds.
+    """A progress line, updated in place on a terminal, else printed anew every few seconds.
 
     Parameters
     ----------
     what : str
         Name of the counted objects, such as ``"frames"``.
     total : int or None
-        Number expected, for the time left.
+        Expected number of objects, from which the time left is computed; None if unknown.
     stream : TextIO, optional
-        Standard error by default.
+        Output stream; standard error by default.
     """
 
     def __init__(self, what: str, total: int | None, stream: TextIO | None = None) -> None:
@@ -36,11 +36,11 @@ class Progress:
         self._start = self._last_shown = time.monotonic()
 
     def step(self) -> None:
-        """One more is done."""
+        """Count one more finished object."""
         self.reach(self._done + 1)
 
     def reach(self, done: int, note: str = "") -> None:
-        """So many are done, with a word on how it goes."""
+        """Set the number of finished objects, and show ``note`` beside the number."""
         self._done, self._note = done, note
         now = time.monotonic()
         if now - self._last_shown >= (_TERMINAL_S if self._terminal else _LOG_S):
@@ -56,7 +56,7 @@ class Progress:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Show the final count; after an error the error message is the last line."""
+        """Show the final count, but not after an error, so that the error message comes last."""
         if not isinstance(error, Exception):  # an end or Ctrl-C
             self._show(time.monotonic())
         if self._terminal and self._shown_any:

@@ -1,4 +1,4 @@
-"""``farpoint run``: results in a folder, from a source of images."""
+"""``farpoint run``: motion from a source of images, with the results in a folder."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ class Run(RecordedOptions):
     Attributes
     ----------
     source : str
-        Video file, image folder or pattern, KITTI / EuRoC / TUM folder, bag, camera index, URL.
+        Video file, image folder or pattern, KITTI / EuRoC / TUM folder, bag, camera index, or URL.
     out : Path or None
         Folder for the outputs; farpoint-out/<source name> by default.
     bag : Path or None
-        MCAP file for the motions as messages of ROS 2.
+        MCAP file to write the motions into, as messages of ROS 2.
     viewer : ViewerOptions
         Options of the display.
     """
@@ -60,7 +60,7 @@ class Run(RecordedOptions):
     viewer: Annotated[ViewerOptions, tyro.conf.arg(name="")] = field(default_factory=ViewerOptions)
 
     def __call__(self) -> None:
-        """Do it."""
+        """Run the command."""
         # Faults of the calibration come before those of the source.
         known = self.lens.known()
         frames = open_frames(
@@ -100,7 +100,7 @@ def process_frames(
     mask_file: Path | None = None,
     bag_file: Path | None = None,
 ) -> None:
-    """Run odometry over ``frames`` into the folder ``out``; prints what was found.
+    """Run odometry over ``frames``, write the results into ``out``, and print a summary.
 
     A guessed camera gets the size of the first image. A caller that writes more files into ``out``
     locks the folder and passes the lock.
@@ -201,12 +201,12 @@ def _run_into(
 
 
 def warn(words: str) -> None:
-    """Tell the user, beside the results."""
+    """Print a warning for the user, separate from the results."""
     print(f"farpoint: {printable(words)}", file=sys.stderr)
 
 
 def _up_to_an_image(timed: Iterator[tuple[Frame, float]]) -> list[tuple[Frame, float]]:
-    """The first frames, as far as one that could be decoded."""
+    """The first frames, up to and including the first frame that could be decoded."""
     first = []
     for frame, seconds in timed:
         first.append((frame, seconds))
@@ -216,7 +216,9 @@ def _up_to_an_image(timed: Iterator[tuple[Frame, float]]) -> list[tuple[Frame, f
 
 
 class _Timed:
-    """Frames with the seconds that reading took; an InputError if no frame has an image.
+    """Iterator over frames, each with the seconds that reading took.
+
+    Raises InputError if no frame has an image.
 
     Attributes
     ----------

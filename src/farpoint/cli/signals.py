@@ -1,4 +1,4 @@
-"""Signals that end a command in order: every output is completed."""
+"""Signals that end a command properly: every output is completed first."""
 
 from __future__ import annotations
 
@@ -21,9 +21,10 @@ _AGAIN_S = 0.05  # s; time until a signal that came during a compilation is hand
 def interruptible() -> Iterator[None]:
     """Raise KeyboardInterrupt on Ctrl-C, on SIGTERM, and on SIGHUP of a terminal that closes.
 
-    A signal that the caller ignores stays ignored (``nohup``). A signal during the compilation of a
-    kernel waits for its end, because an exception in the middle of it can crash the process. Python
-    ignores an exception in a destructor or a callback: the signal is then sent once more.
+    A signal that the caller of the command ignores (``nohup``) stays ignored. A signal during the
+    compilation of a kernel waits for the end of the compilation, because an exception during
+    compilation can crash the process. Python ignores an exception in a destructor or a callback:
+    the signal is then sent once more.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -56,7 +57,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 
 def _is_compiling(frame: FrameType | None) -> bool:
-    """Whether a frame is part of the compiler, or is called by it."""
+    """Whether a stack frame belongs to the compiler or to a function called by the compiler."""
     while frame is not None:
         if str(frame.f_globals.get("__name__")).partition(".")[0] in _COMPILERS:
             return True

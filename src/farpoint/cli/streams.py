@@ -1,4 +1,4 @@
-"""Standard streams whose closing does not end a command."""
+"""Standard streams that may be closed without ending the command."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ def lasting_streams() -> Iterator[None]:
     """Ignore writes to standard streams that nobody reads.
 
     A pipe whose reader has ended (``| head``), a closed stream (``>&-``) and a closed terminal then
-    change neither the result nor the exit code of a command. All errors of standard error are
-    ignored, such as a full disk behind a log, because no results are written there. Other errors of
-    standard output are raised.
+    change neither the result nor the exit code of a command. All errors of standard error, such as
+    a full disk behind a log, are ignored, because no results are written to standard error. Other
+    errors of standard output are raised.
     """
     _open_closed_descriptors()
     with (
@@ -46,7 +46,7 @@ def _open_closed_descriptors() -> None:
 class _Lasting(io.TextIOBase):
     """A text stream that discards its text after its reader has ended, or if the stream is None.
 
-    A stream without results discards its text after any error.
+    A stream without results also discards text after any other error.
     """
 
     def __init__(self, stream: TextIO | None, *, has_results: bool = True) -> None:

@@ -1,4 +1,4 @@
-"""Messages of tyro about wrong usage, in one line instead of a box."""
+"""Messages of tyro about wrong usage, printed in one line instead of a box."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def in_one_line(parse: Callable[[], T], see: str) -> T:
 
 
 def _first_lines(box: str) -> str:
-    """Text of one of tyro's boxes above its first rule, in one line."""
+    """Text of a box of tyro, in one line, up to the first horizontal rule."""
     words = []
     for line in box.splitlines()[1:]:
         if _RULE.search(line):
@@ -49,8 +49,9 @@ def _first_lines(box: str) -> str:
 
 
 def _option_of(refused: re.Match[str]) -> str:
-    """The option as users type it. Fields of the outermost record have no prefix, except those of
-    `metric`.
+    """The option as users type it.
+
+    Fields of the outermost record have no prefix, except fields of `metric`.
     """
     path = f"{refused['records']}.{refused['field']}".removeprefix(".")
     return f"--{path.replace('_', '-')}: "

@@ -40,16 +40,18 @@ _CONFIG = {
 
 @dataclass(frozen=True, kw_only=True)
 class ClusterOptions:
-    """Who does the work.
+    """Workers on which the drives are run.
 
     Attributes
     ----------
     workers : int or None
-        Processes on this machine, of one thread each; a worker for each core by default.
+        Number of worker processes on this machine, with one thread each; by default the number of
+        cores.
     memory : str
-        Memory limit of each worker, such as ``"2GB"``; auto shares the machine's.
+        Memory limit of each worker, such as ``"2GB"``. The value auto divides the memory of the
+        machine among the workers.
     scheduler : str or None
-        Address of a Dask scheduler, whose workers are used instead.
+        Address of a Dask scheduler whose workers are used instead of workers on this machine.
     """
 
     workers: int | None = None
@@ -64,7 +66,7 @@ class ClusterOptions:
 
 
 class Cluster:
-    """Workers that stay as many as they were.
+    """Workers whose number is kept constant: ended workers are replaced.
 
     Parameters
     ----------
@@ -80,7 +82,7 @@ class Cluster:
     Attributes
     ----------
     deaths : str
-        Message for a drive during which several workers have died.
+        Error message of a drive during which several workers have died.
     """
 
     def __init__(
@@ -95,14 +97,14 @@ class Cluster:
         self.look_after()
 
     def look_after(self) -> None:
-        """Replace workers that have ended; to be called regularly.
+        """Replace workers that have ended. The caller should call this method regularly.
 
-        Dask restarts a worker that is killed, but not a worker that is killed while it starts.
+        Dask restarts a worker that is killed, but not a worker that is killed during its start.
 
         Raises
         ------
         InputError
-            If workers end again and again before they work.
+            If workers repeatedly end while they start.
         """
         if self._local is None:
             return
@@ -122,12 +124,12 @@ class Cluster:
 
 @contextmanager
 def open_cluster(options: ClusterOptions) -> Iterator[Cluster]:
-    """Workers that have compiled kernels.
+    """Context with workers for which the kernels are compiled.
 
     Raises
     ------
     InputError
-        If nothing answers at the scheduler's address.
+        If no scheduler answers at the given address.
     MissingExtraError
         If Dask is not installed.
     """
@@ -166,7 +168,7 @@ def _check_size(dask: Any, memory: str) -> None:
 
 
 def _local(distributed: Any, options: ClusterOptions) -> Any:
-    """A scheduler in this process, and no workers yet."""
+    """A local cluster with its scheduler in this process, without workers."""
     return distributed.LocalCluster(
         n_workers=0,
         threads_per_worker=1,
@@ -179,7 +181,7 @@ def _local(distributed: Any, options: ClusterOptions) -> Any:
 
 
 def _cores() -> int:
-    """Those that this process may use."""
+    """Number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -187,8 +189,8 @@ def _cores() -> int:
 def _ignoring_ctrl_c() -> Iterator[None]:
     """Keep Ctrl-C from the threads and processes that start here, and from their children.
 
-    A terminal sends Ctrl-C to every process. Only the leading process handles it, and ends the
-    workers.
+    A terminal sends Ctrl-C to every process. Only the leading process handles Ctrl-C, and this
+    process ends the workers.
     """
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
@@ -202,7 +204,7 @@ def _ignoring_ctrl_c() -> Iterator[None]:
 
 
 def _compile_on_machines(client: Any) -> None:
-    """Compile the kernels by one worker of each machine, before the other workers get work."""
+    """Let one worker of each machine compile the kernels before any drive starts."""
     workers = client.scheduler_info(n_workers=-1)["workers"]
     by_host = {worker["host"]: address for address, worker in workers.items()}
     client.gather(

@@ -30,9 +30,9 @@ class Drive:
     options : dataclass
         All options that determine the outputs, in addition to the source and the version.
     run : callable
-        Runs the drive into a folder; pickled for the worker.
+        Runs the drive into a folder. The function is pickled and sent to the worker.
     own_options : str
-        Options of this drive only; they distinguish two drives of one source.
+        Options of this drive only, which distinguish several drives of the same source.
     """
 
     source: str
@@ -52,7 +52,7 @@ class Drive:
         return f"{plain}-{_digest(identity)[:8]}"
 
     def key(self) -> str:
-        """Digest of inputs, options and version; a folder with the same key is finished."""
+        """Hash of inputs, options and version. A folder with the same key is a finished drive."""
         inputs = [state_of_input(name) for name in (self.source, *_files_in(self.options))]
         return _digest(json.dumps([inputs, repr(self.options), farpoint.__version__]))
 

@@ -1,4 +1,4 @@
-"""A fleet: runs unfinished drives on workers and writes one table."""
+"""A fleet: unfinished drives are run on workers, and one table of all drives is written."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ class Reporter(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class FleetOutcome:
-    """How a fleet ended.
+    """Result of a fleet.
 
     Attributes
     ----------
     done, failed : int
-        Drives with results, and drives that cannot be run.
+        Number of drives with results, and number of drives without results.
     before : int
-        Number of `done` drives that were finished before.
+        Number of drives in `done` that an earlier run of the fleet finished.
     """
 
     done: int
@@ -53,25 +53,26 @@ def run_fleet(
     reporting: Callable[[int], Any],
     parquet: bool = False,
 ) -> FleetOutcome:
-    """Run all unfinished drives and write the tables, also after Ctrl-C.
+    """Run all unfinished drives and write the tables, even after Ctrl-C.
 
     Parameters
     ----------
     drives : sequence of Drive
         Drives with different names.
     out : Path
-        Folder of the fleet; workers must see it under the same path.
+        Folder of the fleet, which workers must see under the same path.
     cluster : ClusterOptions
         Options of the workers.
-    telling : callable
-        Called with the number of drives to run; returns a context manager that yields a `Teller`.
+    reporting : callable
+        Called with the number of drives to run; returns a context manager that yields a `Reporter`.
     parquet : bool
-        Write ``fleet.parquet``, too.
+        Write ``fleet.parquet`` in addition to ``fleet.csv``.
 
     Raises
     ------
     InputError
-        If another run writes into ``out``, it cannot be written, or no scheduler answers.
+        If another run writes into ``out``, if ``out`` cannot be written, or if no scheduler
+        answers.
     """
     out = out.absolute()
     with FolderLock(out), lasting_interrupts() as look:

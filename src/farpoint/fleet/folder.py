@@ -1,4 +1,4 @@
-"""The folder of a drive, which is complete or absent."""
+"""The folder of a drive, which either is complete or does not exist."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ def facts_of(folder: Path) -> dict[str, Any]:
 
 
 def finish_folder(folder: Path, key: str, fill: Callable[[Path], dict[str, Any]]) -> None:
-    """Fill a folder under a temporary name and rename it when it is complete.
+    """Fill a folder under a temporary name, and rename the folder when complete.
 
-    An earlier folder of this name is replaced, unless it has the same key. In this case another
-    worker was faster, and the results of that worker stay.
+    An earlier folder of this name is replaced, unless the earlier folder has the same key. Then
+    another worker was faster, and the results of the faster worker stay.
 
     Parameters
     ----------

@@ -22,9 +22,9 @@ State = list[list[Any]]
 
 
 def state_of_input(name: str) -> State:
-    """Rows of name, size and modification time of every file of an input.
+    """Rows with name, size and modification time, a row for each file of an input.
 
-    A file that cannot be read has its name only; the run reports the reason.
+    The row of an unreadable file has the name only. The run reports the reason.
     """
     if is_remote(name):
         return _remote_state(name)
@@ -40,7 +40,7 @@ def state_of_input(name: str) -> State:
 
 
 def size_of_input(state: State) -> int:
-    """Bytes in all."""
+    """Total size of all files, bytes."""
     return sum(row[1] for row in state if len(row) > 1 and isinstance(row[1], int))
 
 

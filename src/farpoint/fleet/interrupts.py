@@ -1,6 +1,4 @@
-"""Interrupts that are not lost: Python ignores an interrupt that arrives in the middle of a
-destructor.
-"""
+"""Interrupts that are not lost, although Python ignores an interrupt during a destructor."""
 
 from __future__ import annotations
 
@@ -19,11 +17,11 @@ _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 
 @contextmanager
 def lasting_interrupts() -> Iterator[Callable[[], None]]:
-    """Context with a function that raises KeyboardInterrupt if an interrupt has arrived before.
+    """Context with a function that raises KeyboardInterrupt if an interrupt has arrived.
 
-    The KeyboardInterrupt of a signal is raised wherever the main thread is. In a destructor or in
-    the callback of a weak reference, Python prints it and continues. Code that waits for a long
-    time should call the function repeatedly.
+    A signal raises KeyboardInterrupt in the code that the main thread is executing. In a destructor
+    or in the callback of a weak reference, Python prints the exception and continues. Code that
+    waits for a long time should call the function repeatedly.
     """
     came = threading.Event()
 

@@ -1,4 +1,4 @@
-"""Which drives: sources, patterns of them, and lists."""
+"""Lists of drives, made from sources, patterns of sources, and files that list sources."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _LARGEST_LIST_BYTES = 1 << 28
 
 @dataclass(frozen=True, kw_only=True)
 class ListedDrive:
-    """A source, and the options that a list gives it.
+    """A source, with options from a list.
 
     Attributes
     ----------
@@ -30,7 +30,7 @@ class ListedDrive:
     options : dict of str to str
         Options of ``farpoint run`` by name, without the dashes.
     place : str
-        Place in a list, for errors; empty for a source of the command line.
+        Place in a list, named in errors; empty for a source from the command line.
     """
 
     source: str
@@ -39,14 +39,14 @@ class ListedDrive:
 
 
 def list_drives(sources: Iterable[str]) -> list[ListedDrive]:
-    """Drives of all sources, patterns and lists, each once, in order.
+    """Drives of all sources, patterns and lists, in order and without duplicates.
 
     Parameters
     ----------
     sources : iterable of str
-        Each a source of ``farpoint run``; a pattern whose every match is a source; a CSV file with
-        the column ``source`` and options as further columns; or a text file with a source, and
-        where wanted its calibration, in each line.
+        Each element is a source of ``farpoint run``, a pattern whose matches are sources, or a
+        list. A list is a CSV file with the column ``source`` and further columns named after
+        options, or a text file with a source and, optionally, a calibration in each line.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""``fleet.html``: one page of all drives, unusual drives first, sortable without a network."""
+"""``fleet.html``: one page of all drives, unusual drives first, sortable offline."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ document.querySelectorAll("th").forEach((head, column) => head.addEventListener(
 
 
 def outliers_first(rows: Sequence[Row]) -> list[Row]:
-    """Failed drives first, then the other drives by their split-half ratio and failed pairs."""
+    """Failed drives first, then other drives, by split-half ratio and share of failed pairs."""
     return sorted(rows, key=lambda row: (row.state != "failed", row.state == "waiting", -_odd(row)))
 
 
@@ -96,7 +96,7 @@ def _is_suspicious(row: Row) -> bool:
 
 
 def _odd(row: Row) -> float:
-    """Deviation of a drive from a normal drive, by split-half ratio and failed pairs."""
+    """Measure of how unusual a drive is, from split-half ratio and share of failed pairs."""
     over = 0.0 if not row.halves or not row.halves_high else row.halves / row.halves_high
     return over + 2.0 * _failed_share(row)
 

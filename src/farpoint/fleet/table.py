@@ -31,29 +31,31 @@ class Row:
     Attributes
     ----------
     drive, source, camera : str
-        Name of its folder; source and calibration as given.
+        Name of the folder of the drive; source and calibration as given by the user.
     state : str
-        ``done``, ``failed``, or ``waiting`` where the fleet was interrupted before it.
+        ``done``, ``failed``, or ``waiting`` if the fleet was interrupted before the drive.
     frames : int or None
-        Pictures seen.
+        Number of processed frames.
     duration_s, elapsed_s : float or None
-        Length of the drive, and of the computation, s.
+        Duration of the drive, and duration of the computation, s.
     length : float or None
         Length of the path, in ``unit``.
     unit : str
         ``m`` with aiding measurements, otherwise the unit of the trajectory.
     ok, rotation_only, static, failed : int or None
-        Pairs of each status.
+        Number of pairs with each status.
     halves, halves_low, halves_high : float or None
-        Split-half ratio, 1 for honest covariances, and its 95 % interval for honest covariances.
+        Split-half ratio, which is 1 for correct covariances, and the 95 % interval of the ratio for
+        correct covariances.
     noise_px : float or None
         Median noise of a match, px.
     lens, lens_sigma : str
         Estimated parameters of the lens, and their 1-sigma.
     scale, scale_sigma : float or None
-        Metres per unit of the trajectory from the aiding measurements, and its relative 1-sigma.
+        Metres per unit of the trajectory, from the aiding measurements, and the relative 1-sigma of
+        this scale.
     worst : str
-        Worst moments: time in s and event.
+        Worst moments, each with a time in s and a problem.
     error : str
         Reason of the failure, in one line.
     """
@@ -84,8 +86,9 @@ class Row:
 
 
 def row_of(drive: Drive, facts: dict[str, Any] | None, error: str | None) -> Row:
-    """The row of a drive with the facts of its run or with an error; without both the drive is
-    waiting.
+    """The row of a drive, from the facts of its run or from an error.
+
+    A drive without facts and without an error is ``waiting``.
     """
     what: dict[str, Any] = {"drive": drive.name, "source": drive.source, "camera": drive.camera}
     if facts is not None:
@@ -94,7 +97,7 @@ def row_of(drive: Drive, facts: dict[str, Any] | None, error: str | None) -> Row
 
 
 def write_tables(out: Path, rows: Sequence[Row], parquet: bool) -> None:
-    """Write ``fleet.csv``, and ``fleet.parquet`` where wanted."""
+    """Write ``fleet.csv``, and ``fleet.parquet`` if ``parquet`` is True."""
     names = [field.name for field in fields(Row)]
     lines = io.StringIO()
     writer = csv.DictWriter(lines, names, lineterminator="\n")
@@ -117,12 +120,12 @@ def write_tables(out: Path, rows: Sequence[Row], parquet: bool) -> None:
 
 
 def facts_of_run(folder: Path) -> dict[str, Any]:
-    """Facts of the outputs for the row of a drive, collected by the worker that has written them.
+    """Facts for the row of a drive, collected by the worker that has written the outputs.
 
     Raises
     ------
     InputError, OSError, KeyError, TypeError, ValueError
-        If they cannot be read.
+        If the outputs cannot be read.
     """
     run = read_run(folder / "run.json")
     digest = digest_motions(folder / "motions.csv")
@@ -169,7 +172,7 @@ def _honesty(folder: Path) -> dict[str, float | None]:
 
 
 def _lens(run: dict[str, Any]) -> tuple[str, str]:
-    """The estimated lens and its sigma, from the key ``lens`` or that of the camera."""
+    """The estimated lens and its sigma, from the key ``lens``, or else from the key ``camera``."""
     lens = run.get("lens") or {}
     found = lens.get("found") or run["camera"].get("parameters")
     return _words(found), _words(lens.get("sigma") or run["camera"].get("sigma"))

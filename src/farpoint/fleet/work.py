@@ -1,4 +1,4 @@
-"""Task of a worker: it runs one drive into its folder, unless the drive is finished."""
+"""Task of a worker: run one drive into a folder, unless the drive is finished."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Work:
 
 
 def do_drive(work: Work) -> str | None:
-    """Run a drive that is not finished; returns None, or in one line the reason of a failure."""
+    """Run a drive that is not finished; returns the reason of a failure in one line, or None."""
     if is_finished(work.folder, work.key):  # by a worker that died before it could say so
         return None
     try:
@@ -46,7 +46,7 @@ def _run(drive: Drive, folder: Path) -> dict[str, Any]:
 
 
 def one_line(error: BaseException) -> str:
-    """An error as a person reads it in a table."""
+    """The text of an error in one line, for the table."""
     if isinstance(error, InputError | MissingExtraError):
         return printable(str(error))
     return printable(f"{type(error).__name__}: {error}"[:500])

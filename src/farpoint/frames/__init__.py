@@ -1,4 +1,4 @@
-"""Frames: one small reader for each kind of source; all readers yield the same record."""
+"""Readers of frames: a reader for each kind of source. All readers yield `Frame` records."""
 
 from farpoint.frames.focal_length import find_focal_length
 from farpoint.frames.frame import Frame, FrameSource

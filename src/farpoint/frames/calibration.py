@@ -1,4 +1,4 @@
-"""Search for a calibration file near the images, to name it in messages; the file is not used."""
+"""Search for a calibration file near the images. The file is named in messages but not used."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ _PATTERNS = (
 
 
 def find_calibration(*folders: Path, stem: str | None = None) -> Path | None:
-    """First file with the name of a calibration in `folders` or in their subfolders ``calib``.
+    """First file in `folders`, or in subfolders ``calib``, that has the name of a calibration.
 
     Parameters
     ----------
     *folders : Path
         Folders to search, nearest first.
     stem : str, optional
-        Name without suffix of a video: a YAML or JSON file of the same name comes first.
+        Name of a video without suffix. A YAML or JSON file of the same name comes first.
     """
     named = () if stem is None else tuple(f"{stem}{end}" for end in (".yaml", ".yml", ".json"))
     for place in (place for folder in folders for place in (folder, folder / "calib")):

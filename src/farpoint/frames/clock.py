@@ -13,7 +13,7 @@ _STAMP_NAME = re.compile(r"[1-9][0-9]{12}|[1-9][0-9]{15}|[1-9][0-9]{18}|[0-9]{9,
 
 
 def parse_seconds(text: str) -> float:
-    """Seconds from a number in seconds, or in ms, us or ns if it is too large for seconds.
+    """Seconds from a number in seconds, or in ms, us or ns if the number is too large for seconds.
 
     Raises ValueError if the text is no finite number.
     """
@@ -29,9 +29,9 @@ def parse_seconds(text: str) -> float:
 
 
 def seconds_in_name(path: Path) -> float | None:
-    """Time, s, of a file name that is a Unix time in seconds with decimals, ms, us or ns.
+    """Time, s, from a file name that is a Unix time in seconds with decimals, ms, us or ns.
 
-    EuRoC names its images by nanoseconds, TUM by seconds. The result is None for counters and all
-    other names.
+    Image names are nanoseconds in EuRoC sequences and seconds in TUM sequences. The result is None
+    for counters and all other names.
     """
     return parse_seconds(path.stem) if _STAMP_NAME.fullmatch(path.stem) else None

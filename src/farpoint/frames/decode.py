@@ -43,7 +43,7 @@ _JPEG_DAMAGE = re.compile(
 
 
 class UnreadableImageError(Exception):
-    """One image is unreadable. The message has the cause; this package catches it."""
+    """Error: one image is unreadable. The message has the cause. The package catches this error."""
 
 
 def read_grey(
@@ -51,21 +51,21 @@ def read_grey(
 ) -> np.ndarray:
     """Grey values of an image file, uint8 of shape (height, width).
 
-    Colour becomes OpenCV's luma; an EXIF orientation is applied.
+    Colour is converted to OpenCV's luma, and an EXIF orientation is applied.
 
     Parameters
     ----------
     path : Path
         The file.
     deep : GreyTable, optional
-        Mapping of 16-bit samples; their upper 8 bits by default.
+        Mapping of 16-bit samples to grey values. By default the upper 8 bits are used.
     max_megapixels : float
         Larger images are not decoded.
 
     Raises
     ------
     UnreadableImageError
-        If the file cannot be read, is incomplete, too large, or is no image.
+        If the file cannot be read, is incomplete, is too large, or is no image.
     """
     image = read_samples(path, max_megapixels)
     if image.dtype == np.uint16:
@@ -106,7 +106,7 @@ def decode_samples(data: bytes, max_megapixels: float = MAX_MEGAPIXELS) -> np.nd
 
 
 def check_megapixels(width: int, height: int, limit: float) -> None:
-    """Raise UnreadableImageError for an image of more pixels than the limit, in millions."""
+    """Raise UnreadableImageError if an image has more than ``limit`` million pixels."""
     if width * height > limit * 1e6:
         raise UnreadableImageError(
             f"has {width * height / 1e6:.0f} megapixels; expected {limit:g} at most "
@@ -116,7 +116,7 @@ def check_megapixels(width: int, height: int, limit: float) -> None:
 
 @contextmanager
 def silent_opencv() -> Iterator[None]:
-    """Suppress OpenCV's warnings on stderr: a fault or an InputError replaces them."""
+    """Suppress OpenCV's warnings on stderr; a fault or an InputError replaces these warnings."""
     cv2 = optional_import("cv2", extra="video", purpose="reading images")
     logging = getattr(cv2.utils, "logging", cv2)  # where OpenCV before 4.13 has its functions
     level = logging.setLogLevel(_SILENT)
@@ -127,10 +127,10 @@ def silent_opencv() -> Iterator[None]:
 
 
 class _SilentCodecs:
-    """Redirection of standard error to a file, for libraries that report errors only there.
+    """Redirection of standard error to a file, for libraries that report errors only on stderr.
 
-    Python's own messages are redirected, too. One thread at a time, because the messages belong to
-    the current image.
+    Python's own messages are redirected, too. Only one thread at a time may redirect, so that all
+    messages belong to the current image.
     """
 
     def __init__(self) -> None:
@@ -143,7 +143,7 @@ class _SilentCodecs:
         return self._messages
 
     def _messages(self) -> bytes:
-        """The messages so far."""
+        """The redirected messages so far."""
         self._file.seek(0)
         return self._file.read(_LONGEST_WORDS)
 
@@ -159,7 +159,7 @@ _silent_codecs = _SilentCodecs()
 
 
 def _replace_stderr(descriptor: int) -> int:
-    """Replace standard error by this file; returns a copy of the old one, or -1 if it is closed."""
+    """Replace standard error by a file; returns a copy of the old descriptor, or -1 if closed."""
     try:
         saved = os.dup(_STDERR)
     except OSError:

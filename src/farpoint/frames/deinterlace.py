@@ -1,7 +1,8 @@
-"""Deinterlacing: recognises interlaced pictures by their combs, and uses one field.
+"""Deinterlacing: interlaced pictures are recognised by combs, and one field is used.
 
 The even and the odd lines of an interlaced picture are half a frame time apart. At moving edges
-each line resembles the next line but one more than the next line: this pattern is called a comb.
+each line is less similar to the next line than to the line after the next line. This pattern is
+called a comb.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ class Deinterlacer:
     Attributes
     ----------
     is_interlaced : bool
-        Whether a picture was interlaced.
+        Whether any picture so far was interlaced.
     """
 
     def __init__(self) -> None:
@@ -46,7 +47,7 @@ class Deinterlacer:
         self._seen = 0
 
     def __call__(self, image: np.ndarray) -> np.ndarray:
-        """The picture (H, W), uint8, unchanged or from one field."""
+        """The picture (H, W), uint8, either unchanged or made from one field."""
         if not self.is_interlaced and self._seen < _FRAMES:
             self._seen += 1
             self.is_interlaced = comb_share(image) > _LEAST_SHARE
@@ -54,7 +55,7 @@ class Deinterlacer:
 
 
 def comb_share(image: np.ndarray) -> float:
-    """Share, 0 to 1, of the textured blocks of an image (H, W) whose lines alternate."""
+    """Share, 0 to 1, of combs among the textured blocks of an image (H, W)."""
     rows = len(image) // _BLOCK_PX * _BLOCK_PX
     some = image[:rows, ::_EVERY_COLUMN]
     columns = some.shape[1] // (_BLOCK_PX // _EVERY_COLUMN) * (_BLOCK_PX // _EVERY_COLUMN)
@@ -71,11 +72,12 @@ def comb_share(image: np.ndarray) -> float:
 
 
 def one_field(image: np.ndarray) -> np.ndarray:
-    """The even lines of an image (H, W), and the lines between them; no pixel moves.
+    """The even lines of an image (H, W), with interpolated lines in between; no pixel moves.
 
-    Details finer than the field's lines alias, and would pull all windows of an image towards whole
-    lines. The lines are therefore smoothed by 1 2 1 first. All lines of the result are those of the
-    cubic B-spline through the smoothed lines, which smooths each line equally.
+    Details finer than the lines of the field cause aliasing, which would pull all windows of an
+    image towards whole lines. Therefore the lines are first smoothed with the weights 1 2 1. All
+    lines of the result are samples of the cubic B-spline through the smoothed lines. This spline
+    smooths each line equally.
     """
     even = image[::2].astype(np.float32)
     even = (_shifted(even, -1) + 2.0 * even + _shifted(even, 1)) / 4.0
@@ -88,12 +90,12 @@ def one_field(image: np.ndarray) -> np.ndarray:
 
 
 def _shifted(lines: np.ndarray, count: int) -> np.ndarray:
-    """The lines so many farther down, the outermost ones repeated."""
+    """The lines shifted by ``count`` lines; the first or last line is repeated at the border."""
     return lines[(np.arange(len(lines)) + count).clip(0, len(lines) - 1)]
 
 
 def _in_blocks(squares: np.ndarray) -> np.ndarray:
-    """Means over blocks."""
+    """Means over the blocks of an image."""
     width = _BLOCK_PX // _EVERY_COLUMN
     height = len(squares) // _BLOCK_PX * _BLOCK_PX
     blocks = squares[:height].reshape(-1, _BLOCK_PX, squares.shape[1] // width, width)

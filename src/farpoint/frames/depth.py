@@ -31,14 +31,14 @@ _EVERY = 7
 
 @dataclass(frozen=True, eq=False)
 class GreyTable:
-    """Grey values of deep samples.
+    """Grey values of deep samples, which are samples with more than 8 bits.
 
     Attributes
     ----------
     values : ndarray of uint8, shape (65536,)
         The grey value of each sample.
     words : str
-        Description of the mapping; empty if the upper 8 of 16 bits are used.
+        Description of the mapping for the user; empty if the upper 8 of 16 bits are used.
     """
 
     values: np.ndarray
@@ -48,9 +48,9 @@ class GreyTable:
     def for_images(cls, images: Sequence[np.ndarray]) -> GreyTable:
         """Table for a source, from example images (H, W), uint16.
 
-        The table maps the upper 8 of the bits in use. If these bits would span less than 1/4 of the
-        grey values (raw counts of a thermal camera), the table maps the range of the samples with
-        headroom.
+        The table maps the upper 8 of the bits in use. If the result would span less than 1/4 of the
+        grey values (as for raw counts of a thermal camera), the table maps the range of the
+        samples, extended by a margin.
         """
         some = np.concatenate([image[::_EVERY, ::_EVERY].ravel() for image in images])
         low, high = (int(value) for value in np.quantile(some, (_TAIL, 1.0 - _TAIL)))
@@ -79,11 +79,11 @@ class GreyTable:
 
     @classmethod
     def upper_bits(cls, bits: int) -> GreyTable:
-        """The upper 8 of so many bits; larger samples saturate."""
+        """Table of the upper 8 of ``bits`` bits; larger samples saturate."""
         values = np.minimum(np.arange(1 << 16) >> (bits - 8), 255).astype(np.uint8)
         words = f"The images have {bits} bits in 16: the upper 8 of these are used."
         return cls(values, "" if bits == 16 else words)
 
     def __call__(self, image: np.ndarray) -> np.ndarray:
-        """Grey values (H, W), uint8, of samples, uint16."""
+        """Grey values (H, W), uint8, of samples (H, W), uint16."""
         return self.values[image]

@@ -1,4 +1,4 @@
-"""A camera attached to this machine, by OpenCV."""
+"""A camera attached to this machine, opened by OpenCV."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ __all__ = ["CameraDevice", "open_device"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CameraDevice:
-    """An open camera; can be iterated once, until it is unplugged or the iteration stops.
+    """An open camera, which can be iterated once, until the camera is unplugged.
 
-    Time stamps are the wall clock when the picture was fetched, s.
+    The time stamp of a picture is the wall-clock time, s, at which the picture was fetched.
     """
 
     name: str
@@ -31,7 +31,7 @@ class CameraDevice:
     notes: tuple[str, ...] = ()
 
     def __iter__(self) -> Iterator[Frame]:
-        """Frames of the camera; at the end a frame with a fault."""
+        """Frames of the camera; the last frame has a fault."""
         cv2 = optional_import("cv2", extra="video", purpose="reading a camera")
         try:
             for index in count():
@@ -54,7 +54,7 @@ def open_device(index: int) -> CameraDevice:
     Raises
     ------
     InputError
-        If there is no such camera, or another program uses it.
+        If there is no such camera, or if another program uses the camera.
     """
     cv2 = optional_import("cv2", extra="video", purpose="reading a camera")
     with silent_opencv():

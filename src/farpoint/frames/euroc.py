@@ -1,4 +1,4 @@
-"""EuRoC sequences and all that share their layout (TUM-VI, Basalt): ``cam0/data.csv``."""
+"""EuRoC sequences, and sequences with the same layout (TUM-VI, Basalt): ``cam0/data.csv``."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ _LISTS = ("mav0/cam0/data.csv", "cam0/data.csv", "data.csv", "cam0_data.csv")
 
 
 def open_euroc(folder: Path) -> ImageSequence | None:
-    """Camera 0 of a sequence, or the camera of the given folder; None for other folders.
+    """Camera 0 of a sequence, or the camera whose folder is given; None for other folders.
 
-    Time stamps come from the list, in nanoseconds there.
+    Time stamps come from the list of the images, which has nanoseconds.
     """
     for name in _LISTS:
         path = folder / name

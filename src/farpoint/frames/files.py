@@ -37,7 +37,7 @@ def natural_key(name: str) -> tuple[list[str | int], str]:
 
 
 def in_order(images: Iterable[Path]) -> list[Path]:
-    """Images in the order of time if every name is a time stamp, otherwise in natural order."""
+    """Images in order of time if every name is a time stamp, otherwise in natural order."""
     stamped = [(seconds_in_name(image), image) for image in images]
     by_time = [(seconds, image) for seconds, image in stamped if seconds is not None]
     if len(by_time) == len(stamped):
@@ -46,7 +46,7 @@ def in_order(images: Iterable[Path]) -> list[Path]:
 
 
 def is_image(path: str | Path) -> bool:
-    """Whether the name is that of an image; hidden files (such as macOS's ``._1.png``) are not."""
+    """Whether a name is that of an image; hidden files (macOS's ``._1.png``) do not count."""
     path = Path(path)
     return path.suffix.lower() in _IMAGE_SUFFIXES and not path.name.startswith(".")
 
@@ -54,7 +54,8 @@ def is_image(path: str | Path) -> bool:
 def list_images(folder: Path) -> list[Path]:
     """Images directly in `folder`, in order; empty if there is no such folder.
 
-    Broken links are listed, too: they are frames with a fault, because an image should be there.
+    Broken links are listed, too. Each broken link becomes a frame with a fault, because an image is
+    missing there.
     """
     try:
         with os.scandir(folder) as entries:
@@ -78,11 +79,11 @@ def read_lines(path: Path) -> list[tuple[int, str]]:
 
 
 def source_name(folder: Path) -> str:
-    """Name of the sequence whose images are in `folder`, because many datasets use the same folder
-    names.
+    """Name of the sequence whose images are in `folder`.
 
-    ``drive/images`` is called ``drive``, and so is ``drive/mav0/cam0/data``, because opening
-    ``drive`` reads the same images. The folder of another camera keeps its name: ``drive-cam1``.
+    Many datasets use the same names for the folders of the images. Therefore the name for
+    ``drive/images`` and for ``drive/mav0/cam0/data`` is ``drive``: opening ``drive`` reads the same
+    images. The name for a folder of another camera includes the camera: ``drive-cam1``.
     """
     folder = folder.resolve()
     if not folder.name:

@@ -27,14 +27,14 @@ def find_focal_length(source: object, name: str) -> EquivalentFocalLength:
     Parameters
     ----------
     source : object
-        Opened source: a video file or image files; other sources have no focal length.
+        Opened source: a video file or image files. Other sources have no focal length.
     name : str
         Name of the source in errors.
 
     Raises
     ------
     InputError
-        If the source has no focal length, or images with several focal lengths.
+        If the source has no focal length, or if the images have different focal lengths.
     """
     if isinstance(source, VideoFile):
         return _of_video(source)

@@ -1,4 +1,4 @@
-"""Plain images: a folder of them, a folder around such a folder, or a pattern of file names."""
+"""Plain images: a folder of images, a folder around such a folder, or a pattern of file names."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ def sequence_in(images_folder: Path, *, root: Path, fps: float | None) -> ImageS
 
 
 def open_folder(folder: Path, *, fps: float | None) -> ImageSequence:
-    """Images in `folder`, or in the only folder in it that has images.
+    """Images in `folder`, or in the only subfolder of `folder` that has images.
 
     Raises
     ------
     InputError
-        If there is no image, or several folders to choose from.
+        If there is no image, or if several subfolders have images.
     """
     inside = sorted(entry for entry in folder.iterdir() if entry.is_dir())
     usual = [folder / name for name in _USUAL_NAMES if folder / name in inside]
@@ -86,7 +86,7 @@ def open_pages(file: Path, *, fps: float | None) -> ImageSequence:
     Raises
     ------
     InputError
-        If it has one page only.
+        If the file has only one page.
     """
     images, pages = with_pages([file])
     if len(images) < 2:

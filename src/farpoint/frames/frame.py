@@ -14,22 +14,22 @@ __all__ = ["Frame", "FrameSource"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Frame:
-    """One image of a source, or a missing image with its fault.
+    """One image of a source, or a fault that explains why the image is missing.
 
     Attributes
     ----------
     index : int
-        Position in the source, counted from 0; frames that cannot be decoded count too.
+        Position in the source, counted from 0 and including frames that cannot be decoded.
     timestamp : float
-        Seconds.
+        Time of the frame, s.
     image : ndarray of uint8, shape (height, width), or None
-        Grey values; None where the frame could not be decoded.
+        Grey values; None if the frame could not be decoded.
     fault : str or None
-        Reason why `image` is None.
+        Reason why `image` is None; None for a decoded image.
     name : str
-        Name in messages: file name, or number of the frame in a video.
+        Name of the frame in messages: file name, or number of the frame in a video.
     time_ns : int or None
-        Exact time if the source has times in ns; `timestamp` is the nearest float, s.
+        Exact time, ns, if the source has times in ns; `timestamp` is the nearest float in seconds.
     """
 
     index: int
@@ -41,10 +41,10 @@ class Frame:
 
 
 class FrameSource(Protocol):
-    """A sequence of frames, decoded one at a time while it is iterated.
+    """A sequence of frames, decoded one at a time during iteration.
 
-    Files and folders are opened at the start of an iteration, closed at its end, and can be
-    iterated again. Cameras and streams are live and can be iterated once.
+    Files and folders are opened at the start of an iteration and closed at the end. Files and
+    folders can be iterated repeatedly. Cameras and streams are live and can be iterated only once.
     """
 
     @property
@@ -59,12 +59,12 @@ class FrameSource(Protocol):
 
     @property
     def timestamp_source(self) -> str:
-        """Origin of the time stamps, as text: a file, the names, an assumed rate."""
+        """Origin of the time stamps, as text: a file, the file names, or an assumed frame rate."""
         ...
 
     @property
     def calibration_path(self) -> Path | None:
-        """A file near the images that may be their calibration; for messages only."""
+        """A file near the images that may be a calibration; for messages only."""
         ...
 
     @property

@@ -1,9 +1,10 @@
 """Integrity check of image files before decoding, because decoders conceal missing data.
 
 OpenCV does not verify the checksums of a PNG. The JPEG library of OpenCV fills missing data of a
-truncated file with grey and writes a warning to standard error. For both formats, the bytes of the
-file show whether it is complete, at 0.1 of the cost of decoding. Damage inside the scan of a JPEG
-appears only in the messages of the decoder, which `farpoint.frames.decode` reads.
+truncated file with grey and writes a warning to standard error. For PNG and JPEG, the bytes of the
+file show whether the file is complete. This check takes 0.1 of the time of decoding. Damage inside
+the scan of a JPEG appears only in the messages of the decoder, which `farpoint.frames.decode`
+reads.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ JPEG_START, _JPEG_SCAN, _JPEG_END = b"\xff\xd8\xff", b"\xff\xda", b"\xff\xd9"
 
 
 def find_damage(data: bytes) -> str | None:
-    """Damage of the bytes of an image file, or None.
+    """Description of damage in the bytes of an image file; None if no damage is found.
 
     Only PNG and JPEG files can be checked; files of other formats are left to the decoder.
     """
@@ -32,7 +33,7 @@ def find_damage(data: bytes) -> str | None:
 
 
 def _find_png_damage(data: bytes) -> str | None:
-    """Walk the chunks (length, type, content, CRC-32 of type and content) up to IEND."""
+    """Check each chunk (length, type, content, CRC-32 of type and content) up to IEND."""
     view, start = memoryview(data), len(_PNG_SIGNATURE)
     while start + 12 <= len(data):
         length = int.from_bytes(view[start : start + 4], "big")

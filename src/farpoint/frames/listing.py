@@ -1,4 +1,4 @@
-"""Text files that list images with their times, as in EuRoC, TUM and RPG sequences."""
+"""Text files that list images and times, as in EuRoC, TUM and RPG sequences."""
 
 from __future__ import annotations
 
@@ -33,24 +33,25 @@ def is_image_list(path: Path) -> bool:
 
 
 def sequence_from_list(path: Path, *, root: Path, folders: tuple[Path, ...]) -> ImageSequence:
-    """The images a list names, with the times it gives them.
+    """The images and times in a list.
 
-    Rows before the first and after the last existing image are left out, so that a part of a
-    sequence can be read. Missing images in between are frames with a fault.
+    Rows before the first existing image and after the last existing image are left out, so that a
+    part of a sequence can be read. Missing images between these two images are frames with a fault.
 
     Parameters
     ----------
     path : Path
         The list, of rows ``[id] time file`` separated by blanks or commas.
     root : Path
-        The folder of the sequence, which names it.
+        The folder of the sequence, from which the name of the sequence is made.
     folders : tuple of Path
-        Where the file names may be relative to; the first one that holds any of them counts.
+        Folders to which the file names may be relative. The first folder that contains any of the
+        files is used.
 
     Raises
     ------
     InputError
-        If a row cannot be read, times go backwards, or no image is there.
+        If a row cannot be read, if times decrease, or if no listed image exists.
     """
     rows = [_parse_row(line, text, file=path) for line, text in read_lines(path)]
     require_order([(row.line, row.seconds) for row in rows], path)

@@ -18,15 +18,15 @@ _DEEP_LUMA = re.compile(r"(?:yuv|yuva|gray)[0-9]*p?(?:9|10|12|14|16)le")
 class Grey:
     """Grey values of the pictures of one video.
 
-    If a picture has a plane of luma, this plane is used unchanged. No colour is converted, and
-    limited range (16 to 235) is not stretched, since corners and optical flow do not depend on it.
-    Luma of more than 8 bits keeps its upper 8 bits. Luma of 16 bits, whose upper bits may be
-    unused, is mapped by a table. FFmpeg converts other formats (RGB, packed or palette colours).
+    If a picture has a plane of luma, this plane is used unchanged. No colour is converted. Limited
+    range (16 to 235) is not stretched, because corners and optical flow do not depend on the range.
+    If luma has more than 8 bits, the upper 8 bits are used. Luma of 16 bits, whose upper bits may
+    be unused, is mapped by a table. FFmpeg converts other formats (RGB, packed or palette colours).
 
     Attributes
     ----------
     deep : GreyTable or None
-        Table for samples of 16 bits; by default from the first such picture.
+        Table for samples of 16 bits; by default made from the first picture with such samples.
     """
 
     def __init__(self, deep: GreyTable | None = None) -> None:
@@ -67,7 +67,7 @@ def _plane(picture: Any, dtype: np.dtype[Any]) -> np.ndarray:
 
 
 def _upright(image: np.ndarray, picture: Any) -> np.ndarray:
-    """Rotate and mirror the image by its display matrix, in steps of 90 degrees.
+    """Rotate and mirror the image as the display matrix states, in steps of 90 degrees.
 
     The matrix (fixed point, 3 x 3 by rows: ``a b u, c d v, x y w``) maps a pixel of the stored
     picture to the screen: ``x' = a x + c y``, ``y' = b x + d y`` (libavutil/display.h). Phones

@@ -1,4 +1,4 @@
-"""The mask of a sequence: an image whose white pixels are used."""
+"""The mask of a sequence: an image that is white where the frames are used."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ _LARGEST_BYTES = 1 << 28
 
 
 def read_mask(path: Path, size: tuple[int, int]) -> np.ndarray:
-    """Mask of the pixels that are used: those that are white in the image ``path``.
+    """Mask that is True for pixels that are used, which are white in the image ``path``.
 
     Parameters
     ----------
     path : Path
-        An image of 8 bits, grey or colour (whose luma counts; transparency does not); 128 and
-        above is white.
+        An image of 8 bits, grey or colour. A pixel counts as white if its luma is 128 or more.
+        Transparency is ignored.
     size : tuple of int
         Width and height of the frames, px.
 
@@ -39,7 +39,7 @@ def read_mask(path: Path, size: tuple[int, int]) -> np.ndarray:
     Raises
     ------
     InputError
-        If the file cannot be read, is no image of 8 bits and of that size, or has no white.
+        If the file cannot be read, is no image of 8 bits and of this size, or has no white pixel.
     """
     mask = _grey(path, size)
     height, width = mask.shape
@@ -62,10 +62,10 @@ def _other_size(path: Path, got: str, size: tuple[int, int]) -> InputError:
 
 
 def _grey(path: Path, size: tuple[int, int]) -> np.ndarray:
-    """Grey values of an 8-bit image, in the orientation in which it is stored.
+    """Grey values of an 8-bit image, in the orientation of the file.
 
-    If the header states a far larger image, the file is refused before it is decoded, because
-    decoding would take gigabytes.
+    If the header states a far larger image, an error is raised before decoding, because decoding
+    would take gigabytes.
     """
     cv2 = optional_import("cv2", extra="video", purpose="reading images")
     data = read_regular_file(path, limit_bytes=_LARGEST_BYTES, what="a mask, an 8-bit image")

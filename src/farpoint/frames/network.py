@@ -1,4 +1,4 @@
-"""Streams and recordings behind a URL, by PyAV."""
+"""Streams and recordings at a URL, read by PyAV."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ _TIMEOUT_S = 10.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NetworkVideo:
-    """An open video at a URL; can be iterated once.
+    """An open video at a URL, which can be iterated once.
 
-    A live stream has wall-clock time stamps: the first picture has the time of its arrival, later
-    times follow the clock of the sender, which network delays do not affect. A recording of known
-    duration has its own time stamps, like a file.
+    A live stream has wall-clock time stamps. The time stamp of the first picture is the time of
+    arrival. Later time stamps follow the clock of the sender, which network delays do not affect. A
+    recording of known duration has the time stamps of the recording, like a file.
     """
 
     name: str
@@ -50,7 +50,7 @@ class NetworkVideo:
     notes: tuple[str, ...] = ()
 
     def __iter__(self) -> Iterator[Frame]:
-        """Frames until the stream ends or stays silent; then the connection is closed."""
+        """Frames until the stream ends or no more data arrives; then the connection is closed."""
         with self.container, self.copy or nullcontext():
             moments = decode(self.container, self.stream)
             if self.container.duration is None:
@@ -59,8 +59,9 @@ class NetworkVideo:
 
 
 def in_wall_clock(moments: Iterator[Moment], now: Callable[[], float]) -> Iterator[Moment]:
-    """Shift the sender's clock to the time of arrival, and again after every jump back or
-    interruption.
+    """Shift times of the sender so that the first time is the time of arrival.
+
+    The shift is renewed after every jump back and every interruption.
     """
     offset, last = None, None
     for moment in moments:
@@ -80,7 +81,7 @@ def open_url(url: str) -> NetworkVideo:
     Raises
     ------
     InputError
-        If the scheme is unknown, or nothing that holds video answers within 10 s.
+        If the scheme is unknown, or if no source of video answers within 10 s.
     """
     parts = urlsplit(url)
     # Neither a password nor a token of the URL may reach a message or a folder's name.
@@ -110,11 +111,12 @@ def open_url(url: str) -> NetworkVideo:
 
 
 def _copy_of(url: str, public: str) -> IO[bytes] | None:
-    """A recording on a server that sends no byte ranges, copied to a temporary file.
+    """A temporary copy of a recording on a server that sends no byte ranges.
 
-    The index of the recording may be at its end, which only byte ranges reach. The result is None
-    in three cases, in which FFmpeg reports the cause: the server sends byte ranges, the data has no
-    known end (a live stream), or the server does not answer as expected.
+    The copy is necessary because the index may be at the end of the recording, which only byte
+    ranges reach. The result is None in three cases, in which FFmpeg reports the cause: the server
+    sends byte ranges, the data has no known end (a live stream), or the server does not answer as
+    expected.
 
     Raises
     ------

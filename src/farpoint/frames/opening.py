@@ -36,45 +36,46 @@ def open_frames(
     follow_playlists: bool = False,
     topic: str | None = None,
 ) -> FrameSource:
-    """Open a source of images. The kind of the source is recognised by its files.
+    """Open a source of images. The kind of the source is recognised by the name or the files.
 
     Parameters
     ----------
     source : str, Path or int
-        One of
+        One of these sources:
 
         - a video file;
-        - a folder of images, or a folder around one (``images``, ``rgb``, ...);
+        - a folder of images, or a folder around such a folder (``images``, ``rgb``, ...);
         - a pattern of image files, such as ``"shots/*.png"``;
-        - a TIFF of several pages, each of them a frame, alone or in a folder;
-        - a KITTI (odometry or raw), EuRoC, TUM-VI or TUM RGB-D folder, of which the left, grey
-          or only colour camera is read; name the folder of another camera to read that one;
+        - a TIFF file with several pages (each page is a frame), alone or in a folder;
+        - a KITTI (odometry or raw), EuRoC, TUM-VI or TUM RGB-D folder, from which the left, grey
+          or only colour camera is read; to read another camera, give the folder of that camera;
         - a bag: a ROS 1 ``.bag``, the folder or a file of a ROS 2 bag (sqlite3 or MCAP), or any
           MCAP file with ROS's or Foxglove's images;
         - the index of an attached camera, such as ``0`` or ``"0"``;
         - the URL of a stream, such as ``"rtsp://..."``;
-        - the URL of a video or folder elsewhere, such as ``"s3://bucket/drive.mp4"``.
+        - the URL of a video or folder in an object store, such as ``"s3://bucket/drive.mp4"``.
     fps : float, optional
-        Frames per second, used only if the source has no time stamps (of a video, a list, a file
-        ``times.txt``, or names that are times). ``timestamp_source`` of the result states the
-        origin of the times. None assumes 10 for images.
+        Frames per second, used only if the source has no time stamps. Time stamps may be in a
+        video, in a list of images, in a file ``times.txt``, or in file names that are times.
+        ``timestamp_source`` of the result states the origin of the times. With None, images without
+        times get 10 frames per second.
     max_megapixels : float
-        Size limit of image files; a larger file is not decoded and is a frame with a fault.
+        Size limit of an image. A larger image is not decoded and is a frame with a fault.
     follow_playlists : bool
-        Open the files that a playlist (M3U8, ffconcat, MPD, SDP) names, in any folder.
+        Open the files that are named in a playlist (M3U8, ffconcat, MPD, SDP), in any folder.
     topic : str, optional
         Topic of the images in a bag; needed if the bag has several image topics.
 
     Returns
     -------
     FrameSource
-        An iterable of `Frame`. An unreadable frame has a fault with the cause instead of an image;
-        later frames follow.
+        An iterable of `Frame`. An unreadable frame has, instead of an image, a fault that states
+        the cause. Iteration continues after such a frame.
 
     Raises
     ------
     InputError
-        If the source is missing, unreadable, empty, or of no kind above.
+        If the source is missing, unreadable, empty, or of no kind in the list above.
 
     Examples
     --------

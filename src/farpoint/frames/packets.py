@@ -1,4 +1,4 @@
-"""Decoding of a video stream packet by packet; continues after damaged packets."""
+"""Decoding of a video stream packet by packet, which continues after damaged packets."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class Moment:
     Attributes
     ----------
     seconds : float or None
-        Time stamp of the container; None if there is none.
+        Time stamp in the container, s; None if the picture has no time stamp.
     image : ndarray of uint8, shape (height, width), or None
         Grey values, upright.
     fault : str or None
-        Reason why there is no image.
+        Reason why there is no image; None for a picture.
     deep : GreyTable or None
         Table from samples of 16 bits to grey values.
     """
@@ -45,11 +45,11 @@ class Moment:
 def decode(container: Any, stream: Any, deep: GreyTable | None = None) -> Iterator[Moment]:
     """Pictures and faults of a stream of an open ``av`` container, in the order of their times.
 
-    Samples of 16 bits are mapped to grey values by the table ``deep``, or by a table from the first
-    picture.
+    Samples of 16 bits are mapped to grey values by the table ``deep``, or by a table made from the
+    first picture if ``deep`` is None.
 
-    Pictures leave the decoder later than their packets enter it. The fault of a packet is therefore
-    returned after the pictures before it.
+    A picture leaves the decoder later than the packet of the picture enters the decoder. The fault
+    of a packet is therefore returned after the pictures of earlier packets.
     """
     waiting: list[tuple[float, int, Moment]] = []
     for number, moment in enumerate(_decode_in_storage_order(container, stream, deep)):
@@ -69,9 +69,7 @@ def decode(container: Any, stream: Any, deep: GreyTable | None = None) -> Iterat
 def _decode_in_storage_order(
     container: Any, stream: Any, deep: GreyTable | None
 ) -> Iterator[Moment]:
-    """Pictures and faults in the order in which the decoder returns them, and the reason of an
-    early end.
-    """
+    """Pictures and faults in the order of the decoder, and the reason of an early end."""
     av = optional_import("av", extra="video", purpose="reading video")
     packets, end_s = container.demux(stream), 0.0
     grey = Grey(deep)
@@ -97,7 +95,7 @@ def _decode_in_storage_order(
 
 
 def _decode_packet(stream: Any, packet: Any, incomplete: set[int], grey: Grey) -> Iterator[Moment]:
-    """Pictures that the decoder returns for a packet, or at the end (None), or its error."""
+    """Pictures that the decoder returns for a packet (None: end of stream), or the error."""
     av = optional_import("av", extra="video", purpose="reading video")
     try:
         for picture in stream.decode(packet):
@@ -113,7 +111,7 @@ def _decode_packet(stream: Any, packet: Any, incomplete: set[int], grey: Grey) -
 
 
 def frame_rate(stream: Any) -> float | None:
-    """Frames a second in the header of a stream."""
+    """Frames per second in the header of a stream; None if missing."""
     # None before PyAV 19, and 0 / 0 since.
     rate = float(stream.average_rate or 0)
     return rate if 0.0 < rate < math.inf else None
@@ -125,10 +123,11 @@ def _seconds(pts: int | None, stream: Any) -> float | None:
 
 
 def _find_truncation(container: Any, stream: Any, end_s: float) -> str | None:
-    """Missing part at the end of the stream, by the duration in its header, if any.
+    """Description of a missing part at the end of the stream, or None.
 
-    The function compares the time of the last picture with the duration. The number of pictures
-    would not show a truncation, because the header of an AVI file also counts the missing pictures.
+    The function compares the time of the last picture with the duration in the header. The number
+    of pictures would not show a truncation, because the header of an AVI file also counts the
+    missing pictures.
     """
     rate = frame_rate(stream)
     if stream.frames > 0 and rate is not None:

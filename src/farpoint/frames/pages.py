@@ -1,4 +1,4 @@
-"""Image files of several pages: each page is a frame."""
+"""Image files with several pages. Each page is a frame."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _GREY_MODES = ("L", "I;16", "I;16B", "I;16L")
 
 
 def with_pages(images: Sequence[Path]) -> tuple[tuple[Path, ...], tuple[int, ...]]:
-    """Every page of the images with its number in the file, in order.
+    """For each page of the images, in order, the file and the number of the page in the file.
 
     An unreadable file counts as one page, which becomes a frame with a fault.
     """
@@ -42,8 +42,9 @@ def pages_of(path: Path) -> int:
 
 
 def read_page(path: Path, page: int) -> np.ndarray:
-    """Grey values of a page (H, W), uint8, or uint16 for a deep page; a damaged page raises
-    OSError.
+    """Grey values of a page (H, W), uint8, or uint16 for more than 8 bits.
+
+    Raises OSError if the page is damaged.
     """
     with _opened(path) as image:
         image.seek(page)
@@ -54,7 +55,7 @@ def read_page(path: Path, page: int) -> np.ndarray:
 
 
 def image_size(data: bytes) -> tuple[int, int] | None:
-    """Width and height of an image by the header in the bytes of its file; None without one."""
+    """Width and height of an image from the header in the bytes of the file; None if missing."""
     Image = _pillow()
     try:
         with _opened(io.BytesIO(data)) as image:
@@ -72,7 +73,7 @@ def _pillow() -> Any:
 
 @contextmanager
 def _opened(file: Path | io.BytesIO) -> Iterator[Any]:
-    """An image opened by Pillow, without warnings of damage and size, which other code reports."""
+    """An image opened by Pillow. Warnings of damage and size are suppressed."""
     Image = _pillow()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

@@ -1,4 +1,4 @@
-"""Sources in object stores and on other file systems, by fsspec."""
+"""Sources in object stores and on other file systems, opened by fsspec."""
 
 from __future__ import annotations
 
@@ -22,8 +22,9 @@ _STREAMS = ("rtsp", "rtsps", "rtmp", "http", "https", "udp", "tcp", "rtp", "srt"
 
 
 def is_remote(source: str) -> bool:
-    """Whether fsspec reads the URL: schemes unknown to FFmpeg, or folders (``/``) and bags of the
-    web.
+    """Whether fsspec reads the URL.
+
+    fsspec reads schemes that FFmpeg does not know, and web folders (with a final ``/``) and bags.
     """
     scheme, mark, rest = source.partition("://")
     if not mark:
@@ -34,14 +35,14 @@ def is_remote(source: str) -> bool:
 
 
 def remote_place(url: str) -> tuple[Any, str]:
-    """The file system of a URL and the path in it.
+    """The file system of a URL, and the path in this file system.
 
     Raises
     ------
     InputError
         If the scheme is unknown to fsspec.
     MissingExtraError
-        If fsspec, or the library that it needs for this scheme, is not installed.
+        If fsspec, or a library that fsspec needs for this scheme, is not installed.
     """
     fsspec = optional_import("fsspec", extra="remote", purpose="reading from other file systems")
     try:
@@ -58,7 +59,7 @@ def open_remote_file(url: str) -> IO[bytes]:
     Raises
     ------
     InputError
-        If it is not there or cannot be read.
+        If the file does not exist or cannot be read.
     """
     system, path = remote_place(url)
     try:
@@ -74,23 +75,24 @@ def open_remote(
     fps: float | None,
     follow_playlists: bool = False,
 ) -> FrameSource:
-    """Open a remote source: a video is read as it is decoded; a folder or bag is copied first.
+    """Open a remote source. A video is read during decoding; a folder or bag is copied first.
 
     Parameters
     ----------
     url : str
         URL, such as ``"s3://bucket/drive.mp4"``.
     open_local : callable
-        Opens a folder or bag on this machine. The copy lives as long as what it returns.
+        Opens a folder or bag on this machine. The copy is deleted together with the returned
+        source.
     fps : float or None
-        Frames a second of a video without time stamps.
+        Frames per second of a video without time stamps.
     follow_playlists : bool
-        Play the files that a playlist names.
+        Open the files that are named in a playlist.
 
     Raises
     ------
     InputError
-        If it is missing, unreadable, or holds no pictures.
+        If the source is missing or unreadable, or has no pictures.
     """
     system, path = remote_place(url)
     name = PurePosixPath(path.rstrip("/")).name
@@ -110,9 +112,9 @@ def open_remote(
 
 
 class _Steady:
-    """A remote file that ends if the connection breaks, and raises the error when it is closed.
+    """A remote file that ends if the connection breaks, and raises the error on closing.
 
-    FFmpeg does not pass on Python errors during a read.
+    The error waits because FFmpeg does not pass on Python errors during a read.
     """
 
     def __init__(self, url: str) -> None:
@@ -121,7 +123,7 @@ class _Steady:
         self.seek, self.tell = self._file.seek, self._file.tell
 
     def read(self, size: int = -1) -> bytes:
-        """Read a number of bytes, fewer at the end."""
+        """Read ``size`` bytes, or fewer at the end of the file."""
         try:
             return self._file.read(size)
         except Exception as error:  # each file system has errors of its own

@@ -1,4 +1,4 @@
-"""Sequences of image files with times."""
+"""Sequences of image files with time stamps."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ __all__ = ["ImageSequence"]
 
 @dataclass(frozen=True, kw_only=True)
 class ImageSequence:
-    """Image files in order; decodes one image at a time, and can be iterated again.
+    """Image files in order, decoded one at a time. The object can be iterated repeatedly.
 
     Attributes
     ----------
@@ -33,11 +33,11 @@ class ImageSequence:
     stamps : Stamps
         Times of the images.
     calibration_path : Path or None
-        A file near the images that may be their calibration.
+        A file near the images that may be a calibration.
     pages : tuple of int
         Page of each image in its file; empty if all files have one page.
     max_megapixels : float
-        Larger images are frames with a fault.
+        Size limit of an image. A larger image is a frame with a fault.
     """
 
     name: str
@@ -62,7 +62,7 @@ class ImageSequence:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """How deep samples become grey values."""
+        """A note about the mapping of samples of more than 8 bits to grey values, if necessary."""
         return (self._deep.words,) if self._deep is not None and self._deep.words else ()
 
     def __iter__(self) -> Iterator[Frame]:
@@ -82,7 +82,7 @@ class ImageSequence:
 
     @cached_property
     def _deep(self) -> GreyTable | None:
-        """The table for deep samples; None if the first readable image is not deep."""
+        """Table for samples of more than 8 bits; None if the first readable image has 8 bits."""
         return GreyTable.for_source(self._examples())
 
     def _examples(self) -> Iterator[np.ndarray]:

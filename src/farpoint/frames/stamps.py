@@ -29,7 +29,7 @@ class Stamps:
     Attributes
     ----------
     seconds : tuple of float
-        One for each image.
+        Time stamp of each image, s.
     source : str
         Origin of the time stamps, as text.
     """
@@ -39,12 +39,16 @@ class Stamps:
 
 
 def find_stamps(images: Sequence[Path], fps: float | None) -> Stamps:
-    """Time stamps of sorted images, from the first of these sources that exists.
+    """Time stamps of sorted images, from the first of three sources that exists.
 
-    1. ``times.txt`` or ``timestamps.txt`` in their folder or one above, if it has a row for each
-       image, or if the names are frame numbers that count its rows from 0 (part of a sequence);
-    2. the names, where they are Unix times (EuRoC: nanoseconds, TUM: seconds with decimals);
-    3. `fps` frames a second, `DEFAULT_FPS` where it is None.
+    The sources are:
+
+    1. ``times.txt`` or ``timestamps.txt`` in the folder of the images or in the parent folder. The
+       file must have a row for each image, or the names of the images must be frame numbers, which
+       are then the numbers of the rows, counted from 0 (part of a sequence).
+    2. The names of the images, if all are Unix times (EuRoC: nanoseconds, TUM: seconds with
+       decimals).
+    3. A frame rate of `fps`, or of `DEFAULT_FPS` if `fps` is None.
     """
     return (
         _from_times_file(images)
@@ -54,8 +58,9 @@ def find_stamps(images: Sequence[Path], fps: float | None) -> Stamps:
 
 
 def require_order(rows: Sequence[tuple[int, float]], file: Path) -> None:
-    """Raise InputError if the time of a row, given as (line, seconds), is before that of the
-    previous row.
+    """Raise InputError if the time of a row is before the time of the previous row.
+
+    Each row is given as (line, seconds).
     """
     for (_, earlier), (line, later) in pairwise(rows):
         if later < earlier:

@@ -1,4 +1,4 @@
-"""TUM RGB-D sequences (``rgb.txt``) and RPG event-camera ones (``images.txt``)."""
+"""TUM RGB-D sequences (``rgb.txt``) and RPG event-camera sequences (``images.txt``)."""
 
 from __future__ import annotations
 

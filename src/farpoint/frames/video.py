@@ -1,4 +1,4 @@
-"""Video files read by PyAV, with true time stamps, variable frame rates, and damaged files."""
+"""Video files, read by PyAV with their time stamps, even if damaged or of variable frame rate."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ __all__ = ["VideoFile", "frame_count", "frames_of", "open_container", "open_vide
 
 @dataclass(frozen=True, kw_only=True)
 class VideoFile:
-    """A video file; decodes one picture at a time, and can be iterated again.
+    """A video file, decoded one picture at a time. The object can be iterated repeatedly.
 
-    Time stamps are those of the container, not shifted to zero. A picture without a time stamp
-    follows the previous picture by the nominal frame interval.
+    Time stamps are those in the container and are not shifted to zero. A picture without a time
+    stamp follows the previous picture by the nominal frame interval.
 
     Attributes
     ----------
@@ -41,19 +41,19 @@ class VideoFile:
     name : str
         File name without suffix.
     count : int or None
-        Number of frames in the header, or from duration and rate; None without either.
+        Number of frames from the header, or from duration and frame rate; None if unknown.
     timestamp_source : str
         Origin of the time stamps: the container or the frame rate.
     nominal_fps : float
         Frame rate for pictures without a time stamp, 1/s.
     calibration_path : Path or None
-        A file near the video that may be its calibration.
+        A file near the video that may be a calibration.
     pixel_aspect : float
-        Width of a pixel over its height; 1 for square ones.
+        Width of a pixel divided by its height; 1 for square pixels.
     deep : GreyTable or None
         Table for samples of 16 bits, from the first picture; None for other videos.
     opener : callable or None
-        Opens the file where it is not on this machine.
+        Opens the file if the file is not on this machine.
     """
 
     path: Path
@@ -68,7 +68,7 @@ class VideoFile:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """How deep samples become grey values."""
+        """A note about the mapping of samples of more than 8 bits to grey values, if necessary."""
         return (self.deep.words,) if self.deep is not None and self.deep.words else ()
 
     def __iter__(self) -> Iterator[Frame]:
@@ -78,7 +78,7 @@ class VideoFile:
             yield from frames_of(decode(container, stream, self.deep), self.nominal_fps)
 
     def container(self) -> AbstractContextManager[Any]:
-        """The file, opened by PyAV."""
+        """A context with the file opened by PyAV."""
         return _open(self.path, self.opener)
 
 
@@ -89,24 +89,24 @@ def open_video(
     follow_playlists: bool = False,
     opener: Callable[[], IO[bytes]] | None = None,
 ) -> VideoFile:
-    """Open a video; checks that it has at least one picture.
+    """Open a video, and check that there is at least one picture.
 
     Parameters
     ----------
     path : Path
         The file.
     fps : float or None
-        Frames a second for a file without time stamps (a raw H.264 stream); None takes the rate
-        in its header.
+        Frames per second of a file without time stamps (a raw H.264 stream). None takes the frame
+        rate in the header.
     follow_playlists : bool
-        Open the files that a playlist names, in any folder.
+        Open the files that are named in a playlist, in any folder.
     opener : callable, optional
-        Opens the file where it is not on this machine; ``path`` is then its name.
+        Opens the file if the file is not on this machine; ``path`` is then the name of the file.
 
     Raises
     ------
     InputError
-        If the file is no video, or not one picture can be decoded.
+        If the file is no video, or if no picture can be decoded.
     """
     if not follow_playlists and _is_playlist(opener or partial(path.open, "rb")):
         raise InputError(
@@ -135,7 +135,7 @@ def open_video(
 
 
 def frames_of(moments: Iterator[Moment], nominal_fps: float) -> Iterator[Frame]:
-    """Number the pictures, and add missing times."""
+    """Frames from pictures and faults, with indices and with missing times filled in."""
     seconds = -1 / nominal_fps
     for index, moment in enumerate(moments):
         seconds = seconds + 1 / nominal_fps if moment.seconds is None else moment.seconds
@@ -149,7 +149,7 @@ def frames_of(moments: Iterator[Moment], nominal_fps: float) -> Iterator[Frame]:
 
 
 def frame_count(container: Any, stream: Any) -> int | None:
-    """Frames in the header of a stream, or else duration times rate, or else None."""
+    """Number of frames in the header of a stream, else duration times frame rate, else None."""
     if stream.frames > 0:
         return stream.frames
     rate = frame_rate(stream)
@@ -159,7 +159,7 @@ def frame_count(container: Any, stream: Any) -> int | None:
 
 
 def video_stream(container: Any, source: str | Path) -> Any:
-    """The video stream of an open container; an InputError if there is none."""
+    """The video stream of an open container; raises InputError if there is none."""
     av = optional_import("av", extra="video", purpose="reading video")
     stream = container.streams.best("video")
     # The cover of a piece of music is a video stream of one picture.
@@ -169,9 +169,9 @@ def video_stream(container: Any, source: str | Path) -> Any:
 
 
 def open_container(address: str | IO[bytes], **options: Any) -> Any:
-    """By PyAV, with its other ``options``, whatever bytes the metadata hold.
+    """Open a container by PyAV with PyAV's ``options``, even if the metadata is not UTF-8.
 
-    With this option, PyAV before version 19 also opens files whose metadata is not UTF-8.
+    PyAV before version 19 needs the additional option ``metadata_errors`` for such metadata.
     """
     av = optional_import("av", extra="video", purpose="reading video")
     if int(av.__version__.partition(".")[0]) < 19:
@@ -180,7 +180,7 @@ def open_container(address: str | IO[bytes], **options: Any) -> Any:
 
 
 def _pixel_aspect(stream: Any, first: Moment) -> float:
-    """Width of a pixel over its height in the upright pictures; 1 if unknown."""
+    """Width of a pixel divided by its height in the upright pictures; 1 if unknown."""
     ratio = float(stream.sample_aspect_ratio or 1)
     if first.image is not None and first.image.shape == (stream.width, stream.height):
         ratio = 1.0 / ratio if stream.width != stream.height else ratio
@@ -188,7 +188,7 @@ def _pixel_aspect(stream: Any, first: Moment) -> float:
 
 
 def _is_playlist(opener: Callable[[], IO[bytes]]) -> bool:
-    """Whether a file is a playlist for FFmpeg, by its first bytes."""
+    """Whether the first bytes of a file show a playlist for FFmpeg."""
     with opener() as file:
         begin = file.read(_BEGINNING_BYTES)
     # A playlist is text; FFmpeg looks for its marks behind white space and byte order marks, too.

@@ -1,4 +1,4 @@
-"""A sink that writes in a thread, parallel to the estimation."""
+"""A sink that writes in a thread, in parallel with the estimation."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ _NOTES = 1000  # small things beside the frames; so many wait only for a sink th
 
 
 class BackgroundSink:
-    """Passes all results to another sink, in order, in a thread.
+    """Passes all results, in order, to another sink that is called in a thread.
 
-    If the other sink falls behind, `write` waits: no frame is left out, and memory stays bounded.
-    An error in the thread is raised once, by the next call. The thread only waits; a `SinkProcess`
-    should do the work.
+    If the other sink falls behind, `write` waits, so that no frame is left out and memory stays
+    bounded. An error in the thread is raised once, by the next call. The other sink should be a
+    `SinkProcess`, so that the work is done in another process and the thread only waits.
 
     Parameters
     ----------
     sink : Sink
-        The other sink; from now on only the thread calls it.
+        The other sink, which only the thread calls from now on.
     """
 
     def __init__(self, sink: Sink) -> None:

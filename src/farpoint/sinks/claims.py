@@ -21,16 +21,17 @@ def is_index(number: float) -> bool:
 
 
 def check_size(numbers: Iterable[float]) -> None:
-    """Raise ValueError if a number is infinite or too large; NaN means no value."""
+    """Raise ValueError if a number is infinite or too large; NaN (no value) is allowed."""
     for number in numbers:
         if abs(number) > _LARGEST:
             raise ValueError(f"expected a number of at most {_LARGEST:g}, got {number!r}")
 
 
 def check_covariance(covariance: np.ndarray) -> None:
-    """Raise ValueError if a covariance (..., D, D) has only some NaN, or too large numbers.
+    """Raise ValueError if a covariance (..., D, D) is NaN in part or has unusable numbers.
 
-    All NaN means no covariance. Positive definiteness is not checked.
+    An unusable number is too large, or is a variance too close to zero. If all elements are NaN,
+    there is no covariance, and no error is raised. Positive definiteness is not checked.
     """
     undefined = np.isnan(covariance)
     if undefined.all():

@@ -1,4 +1,4 @@
-"""Output files; each piece is in its file completely or not at all."""
+"""Output files. Each piece is written to a file completely or not at all."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ __all__ = [
 
 
 class AppendFile:
-    """A file that grows by whole pieces; each piece is written before the next one.
+    """A file that grows by whole pieces, which are written in order without a buffer.
 
-    A piece that does not fit on the disk is removed again, and earlier pieces stay. The file is
-    created with its first piece.
+    If a piece does not fit on the disk, that piece is removed from the file, and earlier pieces
+    stay. The file is created together with the first piece.
 
     Parameters
     ----------
     path : Path
-        Replaced if it exists.
+        The file; an existing file is replaced.
     first : bytes
         The first piece.
 
@@ -53,9 +53,7 @@ class AppendFile:
             raise unwritable(path, error) from error
 
     def append(self, piece: bytes) -> None:
-        """Add a piece without buffering. If the process is killed afterwards, the piece is not
-        lost.
-        """
+        """Add a piece. If the process is killed afterwards, the piece is not lost."""
         try:
             rest = memoryview(piece)
             while rest:
@@ -67,7 +65,7 @@ class AppendFile:
         self._size += len(piece)
 
     def is_at_its_path(self) -> bool:
-        """Whether the open file is still the file at its path; another run may have replaced it."""
+        """Whether the open file is still at ``path``: another run may have replaced the file."""
         with contextlib.suppress(OSError):
             return os.fstat(self._file.fileno()).st_ino == self._path.stat().st_ino
         return False
@@ -98,7 +96,7 @@ def replacing(path: Path, part: Path | None = None) -> Iterator[Path]:
     Parameters
     ----------
     path : Path
-        Replaced if it exists.
+        The file; an existing file is replaced.
     part : Path, optional
         The temporary file; `part_of` the path by default.
 
@@ -124,7 +122,7 @@ def part_of(path: Path) -> Path:
 
 
 def new_of(path: Path) -> Path:
-    """The temporary file of the first piece, distinct from that of the whole file."""
+    """The temporary file of the first piece of ``path``, distinct from `part_of` the path."""
     return path.with_name(path.name + ".new")
 
 

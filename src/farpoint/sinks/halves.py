@@ -31,13 +31,13 @@ _COVARIANCE = slice(COLUMNS.index("cov_00"), len(COLUMNS))
 
 
 class HalvesFile(TextFile):
-    """Writer of a row for each test: the difference of two estimates, and its covariance."""
+    """Writer of a row for each test: the difference of two estimates, with a covariance."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, header=",".join(COLUMNS) + "\n")
 
     def write(self, result: OdometryResult, halves: SplitHalf) -> None:
-        """Append the test of this pair."""
+        """Append the test of one pair."""
         dof = halves.dof
         difference, covariance = np.full(5, np.nan), np.full((5, 5), np.nan)
         difference[:dof], covariance[:dof, :dof] = halves.difference, halves.covariance

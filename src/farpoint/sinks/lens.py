@@ -10,14 +10,14 @@ __all__ = ["lens_facts"]
 
 
 def lens_facts(lens: LensReport) -> dict[str, Any]:
-    """Given and estimated parameters with their sigmas, by name, and the read-out time.
+    """Given and estimated parameters of the lens with sigmas, and the read-out time with its sigma.
 
     Returns
     -------
     dict
-        ``refined``, ``given``, ``found`` and ``sigma`` by the model's parameters, ``moved_px``
-        (largest displacement of a pixel between given and estimated lens), ``readout_s`` and
-        ``readout_sigma_s``.
+        Dicts ``given``, ``found`` and ``sigma`` with the parameters of the model, and the single
+        values ``refined``, ``readout_s``, ``readout_sigma_s`` and ``moved_px`` (largest
+        displacement of a pixel between given and estimated lens).
     """
     found = lens.camera.model.parameters
     given = {**dict.fromkeys(found, 0.0), **lens.given.model.refinable().parameters}

@@ -1,4 +1,4 @@
-"""Lock of an output folder: one run at a time."""
+"""Lock of an output folder, so that only one run at a time writes into the folder."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ _LOCKED = {errno.EAGAIN, errno.EWOULDBLOCK, errno.EACCES, errno.EDEADLK}
 
 
 class FolderLock:
-    """Locks a folder, which is created if necessary, until `release`.
+    """Locks a folder until `release`; a missing folder is created.
 
-    The lock is a lock of the operating system on an open file, so it ends with the process in any
-    case: the lock file of a killed run is not locked.
+    The operating system locks an open file and ends the lock with the process. Therefore the lock
+    file of a killed run is not locked.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class FolderLock:
     Raises
     ------
     InputError
-        If another run has locked the folder, or it cannot be written.
+        If another run has locked the folder, or if the folder cannot be written.
 
     Attributes
     ----------

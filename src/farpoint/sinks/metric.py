@@ -30,7 +30,7 @@ class MetricSink:
     camera : Camera
         Camera of the frames.
     say : callable
-        Called with the text of each contradiction.
+        Called with the text of each warning, such as contradictory aiding measurements.
     put : callable
         Called with a key and a value for ``run.json``.
 
@@ -61,7 +61,7 @@ class MetricSink:
         """Do nothing: no file is open."""
 
     def finish(self, folder: Path) -> None:
-        """Convert the files of ``folder`` to metres; they must be complete."""
+        """Convert the files of ``folder``, which must be complete, to metres."""
         fit = self._scale.fit()
         if fit is None:
             self._warn(NO_READING)

@@ -24,9 +24,9 @@ _SCALE = MOTIONS_COLUMNS.index("scale")
 def put_in_metres(folder: Path, fit: MetricFit) -> None:
     """Rewrite ``positions.csv``, the trajectories and the lengths of ``motions.csv``.
 
-    Each step of the path is multiplied by the metric scale at its time, which corrects the drift of
-    the scale; orientations do not change. The files are processed line by line, so memory does not
-    grow with the length of a run.
+    Each step of the path is multiplied by the metric scale at the time of the step. This product
+    corrects the drift of the scale. Orientations do not change. The files are processed line by
+    line, so memory does not grow with the length of a run.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def _in_metres(rows: Iterator[PositionRow], fit: MetricFit) -> Iterator[Position
 def metric_covariance(
     covariance: np.ndarray, position: np.ndarray, factor: float, sigma: float
 ) -> np.ndarray:
-    """The covariance in metres, with the error of the metric scale over the whole path."""
+    """The covariance in metres, including the metric scale's error, which affects the position."""
     stretch = np.ones(7)
     stretch[3:6] = factor
     metric = covariance * np.outer(stretch, stretch)

@@ -1,4 +1,4 @@
-"""``motions.csv``: a row for each pair of frames. Reading a number gives the same bits."""
+"""``motions.csv``: a row for each pair of frames, with numbers in full precision."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class MotionsFile(TextSink):
         super().__init__(path, header=",".join(COLUMNS) + "\n")
 
     def lines(self, result: OdometryResult) -> str:
-        """The row of this pair, or nothing for the first frame."""
+        """The row of this pair, or an empty text for the first frame."""
         if result.pose is None:
             return ""
         pose, stats = result.pose, result.pose.stats
@@ -88,11 +88,11 @@ class Motions:
     Attributes
     ----------
     timestamp0, timestamp1 : ndarray, shape (M,)
-        Seconds.
+        Times of the older and the newer frame, s.
     frame0, frame1 : ndarray of int64, shape (M,)
         Indices of the frames in their source.
     status : ndarray of PoseStatus, shape (M,)
-        Compare it as a whole: ``motions.status == PoseStatus.OK``.
+        Status of each pair. ``motions.status == PoseStatus.OK`` compares all elements.
     quat_xyzw : ndarray, shape (M, 4)
         Rotations cam1_from_cam0.
     direction_cam1_from_cam0 : ndarray, shape (M, 3)
@@ -104,8 +104,8 @@ class Motions:
     noise_px : ndarray, shape (M,)
         1-sigma track noise per coordinate.
     covariance : ndarray, shape (M, 5, 5)
-        Covariance of ``[dtheta, dbeta]``, rad^2; beyond the rotation block NaN unless the status is
-        OK.
+        Covariance of ``[dtheta, dbeta]``, rad^2. Unless the status is OK, the elements outside of
+        the rotation block are NaN.
     """
 
     timestamp0: np.ndarray
@@ -147,7 +147,7 @@ class Motions:
 
 
 def read_motions(path: str | Path) -> Motions:
-    """Read a whole ``motions.csv``, also of an interrupted run.
+    """Read a whole ``motions.csv``, even if the run was interrupted.
 
     An incomplete last line is left out.
 
@@ -177,7 +177,7 @@ def iter_motions(path: str | Path, chunk_rows: int = 2000) -> Iterator[Motions]:
 
 
 def _cells(values: Iterable[float | None] | None, count: int) -> list[str]:
-    """Numbers as text from which the same bits are read; empty for missing values."""
+    """Numbers as texts in full precision; an empty text stands for a missing value."""
     if values is None:
         return [""] * count
     return ["" if value is None else repr(float(value)) for value in values]

@@ -1,4 +1,4 @@
-"""All outputs of a run in one folder; they are opened together and closed together."""
+"""All outputs of a run in one folder, opened together and closed together."""
 
 from __future__ import annotations
 
@@ -59,18 +59,17 @@ class OutputOptions:
     Attributes
     ----------
     overlay : bool
-        Write ``overlay.mp4``, in a process of its own; without the overlay the report has no
-        pictures.
+        Write ``overlay.mp4`` in a separate process. Without the overlay the report has no pictures.
     report : bool
         Write ``report.html`` at the end.
     halves_every : int
-        One pair in this number is also estimated from two halves of its matches, for
-        ``halves.csv``; 0 for none.
+        Interval, in pairs, between the pairs that are also estimated from two halves of their
+        matches, for ``halves.csv``. With 0, no pair is estimated from halves.
     palette : {"red-green", "orange-blue"}
-        Colours of far and near points in overlay and report; the second palette is distinct with
-        any colour vision.
+        Colours of far and near points in overlay and report. The colours of ``orange-blue`` are
+        distinct with any colour vision.
     parquet : bool
-        Write ``positions.parquet`` at the end, beside ``positions.csv``; needs pyarrow.
+        Write ``positions.parquet`` at the end, beside ``positions.csv``. This option needs pyarrow.
     """
 
     overlay: bool = True
@@ -90,26 +89,28 @@ class OutputOptions:
 class OutputFolder:
     """All files of a run: motions, trajectory, split-half tests, overlay, record and report.
 
-    As a context manager, the run ends with the state of the block: done, interrupted by Ctrl-C, or
-    failed with the message of the error. The files are valid in all cases. If an output cannot be
-    finished, the state is failed. The folder is locked until the end.
+    An object of this class is a context manager. The end of the ``with`` block sets the state of
+    the run: done, interrupted by Ctrl-C, or failed with the message of the error. The state is also
+    failed if an output cannot be finished. The files are valid in all states. The folder is locked
+    until the end of the block.
 
     Parameters
     ----------
     folder : str or Path
-        Created if necessary; outputs of an earlier run in it are replaced.
+        Output folder, created if necessary. Outputs of an earlier run in the folder are replaced.
     run : RunDescription
         Description of the run.
     options : OutputOptions, optional
     video_process : Popen, optional
-        Process that draws the overlay, if `start_video_process` was called beforehand.
+        Process that draws the overlay, from an earlier call of `start_video_process`.
     lock : FolderLock, optional
-        Lock of the folder, if the caller has locked it; the caller releases it.
+        Lock of the folder, if the caller has locked the folder and will release the lock.
 
     Raises
     ------
     InputError
-        If the folder or a file in it cannot be written, or another run is writing into it.
+        If the folder or a file in the folder cannot be written, or if another run is writing into
+        the folder.
     MissingExtraError
         If an output needs a library that is not installed.
 
@@ -118,7 +119,7 @@ class OutputFolder:
     path : Path
         The folder.
     notes : tuple of str
-        Warnings about the folder: a file system without locks.
+        Warnings about the folder, such as a file system without locks.
     """
 
     def __init__(
@@ -179,11 +180,11 @@ class OutputFolder:
             opened.pop_all()
 
     def add(self, name: str, sink: Sink) -> None:
-        """Add a sink, which gets all results and is closed with the other outputs."""
+        """Add a sink that gets all results and is closed together with the other outputs."""
         self._sinks[name] = sink
 
     def at_end(self, step: Callable[[Path], object]) -> None:
-        """Call a function of the folder when its text files are complete."""
+        """Call ``step`` with the folder when the text files of the run are complete."""
         self._last_steps.append(step)
 
     def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
@@ -196,7 +197,7 @@ class OutputFolder:
         self._record.write(result, image)
 
     def write_final_poses(self, poses: Iterable[Posed]) -> None:
-        """Add final poses of the path: `Odometry.final_poses`, at the end `remaining`.
+        """Add final poses of the path: `Odometry.final_poses`, or at the end `Odometry.remaining`.
 
         Poses of frames whose result was not written because of Ctrl-C are left out.
         """
@@ -253,7 +254,7 @@ class OutputFolder:
         self._record.note(words)
 
     def add_time(self, stage: str, seconds: float) -> None:
-        """Add to the time of a stage outside of this class, such as reading images."""
+        """Add seconds to the time of a stage outside of this class, such as reading images."""
         self._record.add_time(stage, seconds)
 
     def close(self, state: RunState = RunState.DONE, error: str | None = None) -> None:
@@ -262,7 +263,7 @@ class OutputFolder:
         Raises
         ------
         BaseException
-            The first of the errors, including a second Ctrl-C.
+            The first error that occurred. A second Ctrl-C counts as an error.
         """
         if self._closed:
             return
@@ -279,9 +280,7 @@ class OutputFolder:
             raise problems[0]
 
     def _last_of_all(self) -> list[Callable[[], object]]:
-        """Steps that finish every output except the record and the report, which describe the
-        others.
-        """
+        """Steps that finish every output except the record and the report, which come last."""
         steps: list[Callable[[], object]] = [sink.close for sink in self._sinks.values()]
         steps += [file.close for file in self._path_files.values()]
         if self._halves is not None:
@@ -331,7 +330,7 @@ def _attempt(step: Callable[[], object]) -> BaseException | None:
 
 
 def _verdict(error: BaseException) -> tuple[RunState, str | None]:
-    """State of a run that ended with an error."""
+    """State and message of a run that ended with an error."""
     if isinstance(error, KeyboardInterrupt):
         return RunState.INTERRUPTED, None
     return RunState.FAILED, _one_line(error)
@@ -340,8 +339,9 @@ def _verdict(error: BaseException) -> tuple[RunState, str | None]:
 def _with_problems(
     state: RunState, error: str | None, problems: list[BaseException]
 ) -> tuple[RunState, str | None]:
-    """The end of the run, with the outputs that could not be finished. Ctrl-C does not interrupt
-    this step.
+    """State and message of a run, changed by errors of outputs that could not be finished.
+
+    Ctrl-C does not interrupt this function.
     """
     problem = next((problem for problem in problems if isinstance(problem, Exception)), None)
     if problem is None or error is not None:

@@ -14,10 +14,11 @@ __all__ = ["plain"]
 
 
 def plain(value: object) -> Any:
-    """Plain values for JSON: dataclasses and mappings as dicts, enums by value, arrays as lists,
+    """Plain values for JSON: dataclasses and mappings as dicts, enums as values, arrays as lists,
     other objects as text.
 
-    JSON has no infinity and no NaN; they become the words ``"inf"``, ``"-inf"`` and ``"nan"``.
+    JSON has no infinity and no NaN; these numbers become the words ``"inf"``, ``"-inf"`` and
+    ``"nan"``.
     """
     if is_dataclass(value) and not isinstance(value, type):
         return {field.name: plain(getattr(value, field.name)) for field in fields(value)}

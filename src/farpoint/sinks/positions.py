@@ -1,4 +1,4 @@
-"""``positions.csv``: poses of the camera with covariances; the same rows as Parquet."""
+"""``positions.csv``: poses of the camera with covariances, also written as Parquet."""
 
 from __future__ import annotations
 
@@ -53,9 +53,7 @@ class PositionRow(NamedTuple):
 
 
 class PositionsFile(PathFile):
-    """Writer of a row for each frame: ``world_from_cam``, and its covariance with that of the
-    scale.
-    """
+    """Writer of a row for each frame: ``world_from_cam``, and the covariance of pose and scale."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, header=",".join(COLUMNS) + "\n")
@@ -75,7 +73,7 @@ class PositionsFile(PathFile):
 
 
 def position_line(row: PositionRow) -> str:
-    """The line of a row, with its end."""
+    """A row as a line of text, with the line end."""
     pose = row.world_from_cam
     numbers = [*pose[:3, 3], *so3.quat_xyzw_from_matrix(pose[:3, :3])]
     numbers += list(row.covariance[_UPPER_TRIANGLE])
@@ -91,7 +89,7 @@ class Positions:
     Attributes
     ----------
     timestamps : ndarray, shape (N,)
-        Seconds.
+        Times of the frames, s.
     frames, segments : ndarray of int64, shape (N,)
         Indices of the frames in their source, and of the segment of the path.
     positions : ndarray, shape (N, 3)
@@ -99,7 +97,7 @@ class Positions:
     quat_xyzw : ndarray, shape (N, 4)
         Orientations ``world_from_cam``.
     covariances : ndarray, shape (N, 7, 7)
-        Covariances of ``[dtheta, dposition, dlog_scale]``; NaN where there is none.
+        Covariances of ``[dtheta, dposition, dlog_scale]``; NaN where unknown.
     """
 
     timestamps: np.ndarray
@@ -164,7 +162,7 @@ def _columns(table: np.ndarray, path: Path) -> Positions:
 
 
 def iter_position_rows(path: str | Path) -> Iterator[PositionRow]:
-    """The same row by row."""
+    """Read a ``positions.csv`` row by row."""
     for part in iter_positions(path):
         rows = (part.timestamps, part.frames, part.segments, part.world_from_cam, part.covariances)
         for timestamp, frame, segment, pose, covariance in zip(*rows, strict=True):
@@ -172,14 +170,14 @@ def iter_position_rows(path: str | Path) -> Iterator[PositionRow]:
 
 
 def load_pyarrow() -> tuple[Any, Any]:
-    """``pyarrow`` and ``pyarrow.parquet``, or the error that names the extra."""
+    """Import ``pyarrow`` and ``pyarrow.parquet``, or raise an error that names the extra."""
     arrow = optional_import("pyarrow", extra="parquet", purpose="writing Parquet")
     parquet = optional_import("pyarrow.parquet", extra="parquet", purpose="writing Parquet")
     return arrow, parquet
 
 
 def write_positions_parquet(folder: Path) -> None:
-    """Write the rows of ``positions.csv`` as ``positions.parquet``, some thousands at a time."""
+    """Write ``positions.csv`` as ``positions.parquet``, some thousand rows at a time."""
     arrow, parquet = load_pyarrow()
     whole = {"frame", "segment"}
     kinds = [(name, arrow.int64() if name in whole else arrow.float64()) for name in COLUMNS]

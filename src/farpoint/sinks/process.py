@@ -1,4 +1,4 @@
-"""A sink that works in another process, so that it does not slow down the estimation."""
+"""A sink that works in another process, so that the estimation is not slowed down."""
 
 from __future__ import annotations
 
@@ -27,26 +27,26 @@ _FEW_THREADS = {
 
 
 class SinkProcess:
-    """Proxy that passes each call to a sink in another process and waits for its end.
+    """Proxy that passes each call to a sink in another process and waits until the call ends.
 
     Python runs one thread at a time, so drawing in a thread would slow down the estimation. The
-    other process reads from a pipe; at the end of the pipe it closes its sink and ends, even if
-    this process was killed. Ctrl-C does not reach the other process.
+    other process reads calls from a pipe. At the end of the pipe, the other process closes the sink
+    and ends, even if this process was killed. Ctrl-C does not reach the other process.
 
     Parameters
     ----------
     make : callable
-        Makes the sink; pickled, and called in the other process. Its errors are raised by the next
-        call.
+        Function that makes the sink. The function is pickled and called in the other process; the
+        next call raises an error of the function.
     output : str or Path
-        Output of the sink, for the message if its process dies.
+        Output of the sink, named in the error message if the process dies.
     process : Popen, optional
-        Process from `start_process`, if it was called beforehand.
+        Process from an earlier call of `start_process`.
 
     Raises
     ------
     ChildProcessError
-        By `write`, `call` or `close`, once, if the process has died.
+        Raised once, by `write`, `call` or `close`, if the process has died.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class SinkProcess:
         self.call("write", result, image)
 
     def call(self, method: str, *arguments: object) -> None:
-        """Call any method of the sink; its return value is not passed back."""
+        """Call any method of the sink; the return value of the method is not passed back."""
         self._wait_until_open()
         self._send((method, arguments))
         self._receive()
@@ -130,7 +130,7 @@ def start_process(*modules: str, niceness: int = 5, **environment: str) -> subpr
     niceness : int
         Nice value of the process, so that the estimation has priority.
     **environment : str
-        Environment variables, unless the user has set them.
+        Environment variables of the process, except variables that the user has set.
     """
     # Modules are found where this interpreter finds them. Its __main__ is not loaded again, so
     # that scripts need no guard around what they do.

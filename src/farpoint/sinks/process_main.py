@@ -2,8 +2,8 @@
 
 Messages are pickled. The first message makes the sink; every other message is a method and its
 arguments. The answer to each message is None or an error. One more answer is sent before the first
-message, when the modules are loaded. At the end of the messages the sink is closed, also if the
-other process has died.
+message, as soon as the modules are loaded. At the end of the messages the sink is closed, also if
+the other process has died.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ __all__ = ["main"]
 
 
 def main() -> NoReturn:
-    """Answer messages until they end, and end the process."""
+    """Answer all messages, and then end the process."""
     _end_with_messages_only()
     messages, answers = _pipes()
     for module in sys.argv[1:]:
@@ -42,14 +42,14 @@ def main() -> NoReturn:
 
 
 def _end_with_messages_only() -> None:
-    """Ignore signals to the process group; the sender of the messages handles them."""
+    """Ignore signals to the process group; the sender of the messages handles such signals."""
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         if hasattr(signal, name):  # Windows lacks the last
             signal.signal(getattr(signal, name), signal.SIG_IGN)
 
 
 class _Worker:
-    """Does what the messages say."""
+    """Executes the messages."""
 
     def __init__(self) -> None:
         self._sink: Sink | None = None
@@ -93,7 +93,7 @@ def _attempt(step: Callable[[], None]) -> BaseException | None:
 
 
 def _portable(error: BaseException) -> BaseException:
-    """The error if it survives pickling, or one with the same message."""
+    """The error if it can be pickled; otherwise an error with the same message."""
     error.add_note("".join(["in the process that draws:\n", *traceback.format_exception(error)]))
     try:
         pickle.loads(pickle.dumps(error))

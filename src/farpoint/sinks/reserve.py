@@ -27,7 +27,7 @@ class Reserve:
     Raises
     ------
     InputError
-        If there is no room for it.
+        If the disk has too little free space.
     """
 
     def __init__(self, path: Path) -> None:
@@ -42,7 +42,7 @@ class Reserve:
                 raise unwritable(path, error) from error
 
     def replace(self, text: str) -> bool:
-        """Replace the file by a text in the reserved space; returns whether this succeeded."""
+        """Replace the file by a text in the reserved space; returns False if writing failed."""
         try:
             with self._reserve.open("r+b") as file:
                 file.write(text.encode())

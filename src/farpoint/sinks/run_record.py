@@ -35,7 +35,7 @@ _MAX_REASONS = 100  # kept of each status other than OK: a bound on memory, not 
 
 
 class RunState(Enum):
-    """State of a run; the values are the words in the file."""
+    """State of a run. The values are the words in ``run.json``."""
 
     RUNNING = "running"
     """Running, or killed."""
@@ -58,17 +58,17 @@ class RunDescription:
     source_name : str
         Short name, for titles.
     camera : Camera
-        The calibration; its size may still be unknown.
+        The calibration. The image size may still be unknown.
     options : mapping of str to object
         Effective options of each stage: dataclasses or plain values.
     frame_count : int or None
-        Frames of the source where they are known.
+        Number of frames of the source; None if unknown.
     timestamp_source : str
         Origin of the time stamps.
     notes : tuple of str
         Notes about the results, one sentence each.
     mask : ndarray of bool, shape (H, W), or None
-        True where the frames are used; None where they are used as a whole.
+        True where the frames are used; None if the whole frames are used.
     """
 
     source: str
@@ -82,14 +82,14 @@ class RunDescription:
 
 
 class RunRecord:
-    """Counts frames and pairs and keeps ``run.json`` up to date, replacing the whole file.
+    """Counts frames and pairs, and updates ``run.json`` by replacing the whole file.
 
-    A repeated run gives the same file except ``wall_clock``.
+    A repeated run gives the same file, except for the key ``wall_clock``.
 
     Parameters
     ----------
     path : Path
-        Replaced if it exists.
+        The file; an existing file is replaced.
     run : RunDescription
         Description of the run.
 
@@ -157,16 +157,16 @@ class RunRecord:
         self._stages_s[stage] = self._stages_s.get(stage, 0.0) + seconds
 
     def put(self, name: str, fact: object) -> None:
-        """Set a key of ``run.json``; replaces an earlier value."""
+        """Set a key of ``run.json``; an earlier value is replaced."""
         self._facts[name] = plain(fact)
 
     def reserve_room(self) -> None:
-        """Reserve disk space for `finish`, which then works on a full disk, until `close`.
+        """Reserve disk space until `close`, so that `finish` works on a full disk.
 
         Raises
         ------
         InputError
-            If there is no room for it.
+            If the disk has too little free space.
         """
         self._reserve = Reserve(self._path)
 
@@ -250,7 +250,7 @@ def read_run(path: Path) -> dict[str, Any]:
     Raises
     ------
     InputError
-        If it cannot be read or is not the record of a run.
+        If the file cannot be read or is not the record of a run.
     """
     try:
         run = json.loads(path.read_text(encoding="utf-8"))

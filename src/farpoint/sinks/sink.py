@@ -1,4 +1,4 @@
-"""Interface of sinks: results are written one by one, and after closing the file is valid."""
+"""Interface of sinks, which write results one by one and leave a valid file when closed."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class TextFile:
     Parameters
     ----------
     path : Path
-        Replaced if it exists.
+        The file; an existing file is replaced.
     header : str
         First text of the file.
     """
@@ -69,12 +69,12 @@ class Posed(Protocol):
 
     @property
     def timestamp(self) -> float:
-        """Seconds."""
+        """Time of the frame, s."""
         ...
 
     @property
     def segment(self) -> int:
-        """Of the path."""
+        """Index of the segment of the path."""
         ...
 
     @property
@@ -84,7 +84,7 @@ class Posed(Protocol):
 
     @property
     def world_covariance(self) -> np.ndarray | None:
-        """Its covariance (7, 7)."""
+        """Covariance (7, 7) of pose and scale; None if unknown."""
         ...
 
 
@@ -92,7 +92,7 @@ class PathFile(TextFile):
     """A file with lines for each pose of the path."""
 
     def write(self, pose: Posed, image: np.ndarray | None = None) -> None:
-        """Append the lines of one pose; the image is not looked at."""
+        """Append the lines of one pose; the image is not used."""
         del image
         self._put(self.lines(pose))
 
@@ -105,7 +105,7 @@ class TextSink(TextFile):
     """A sink that writes lines of text for each result."""
 
     def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
-        """Append the lines of one result; the image is not looked at."""
+        """Append the lines of one result; the image is not used."""
         del image
         self._put(self.lines(result))
 

@@ -17,7 +17,7 @@ class TrajectoryFile(PathFile):
 
 
 class KittiFile(PathFile):
-    """Writer of the upper 3x4 of ``world_from_cam``, row by row, without time stamps."""
+    """Writer of the upper 3x4 part of ``world_from_cam``, row by row, without time stamps."""
 
     def lines(self, pose: Posed) -> str:
         """The line of this frame."""

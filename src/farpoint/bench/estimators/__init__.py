@@ -1,4 +1,4 @@
-"""farpoint and the installed peers, with one interface."""
+"""farpoint and the installed peers (other libraries for relative pose), with one interface."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def all_estimators() -> tuple[Estimator, ...]:
 
 
 def peer_versions() -> dict[str, str | None]:
-    """Version of each peer; None where it is absent."""
+    """Version of each peer; None if not installed."""
     return {name: _version(module) for name, module in _PEERS.items()}
 
 

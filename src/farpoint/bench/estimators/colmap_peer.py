@@ -17,7 +17,7 @@ _TUNED = {"min_num_trials": 50, "max_error": 1.0}
 
 
 def colmap_estimators() -> tuple[Estimator, ...]:
-    """With its defaults and tuned for tracks, or none."""
+    """COLMAP's estimator with defaults, and tuned for tracks; empty if not installed."""
     pycolmap = load_peer("pycolmap")
     if pycolmap is None:
         return ()
@@ -50,7 +50,7 @@ def _preparation(
         )
 
         def estimate() -> Motion | None:
-            """One call of the library, its answer in farpoint's conventions."""
+            """One call of the library; the result is converted to farpoint's conventions."""
             options.random_seed = seed
             found = pycolmap.estimate_essential_matrix(
                 ideal.points0, ideal.points1, camera, camera, options

@@ -18,13 +18,13 @@ __all__ = ["Estimator", "Motion", "PinholePoints", "load_peer", "pinhole_points"
 
 
 class Motion(NamedTuple):
-    """The result of an estimator: ``X_cam1 = R_cam1_from_cam0 @ X_cam0 + s * direction``, s > 0.
+    """Estimated motion: ``X_cam1 = R_cam1_from_cam0 @ X_cam0 + s * direction`` with s > 0.
 
     Attributes
     ----------
     rotation_cam1_from_cam0 : ndarray, shape (3, 3)
     direction_cam1_from_cam0 : ndarray, shape (3,), or None
-        Unit; None where it is not observable by the estimator.
+        Unit vector; None if the estimator reports no direction.
     """
 
     rotation_cam1_from_cam0: np.ndarray
@@ -42,8 +42,9 @@ class Estimator:
     settings : str
         Settings that differ from the defaults of the library, as text.
     prepare : callable
-        Takes the views and a seed, converts them to the input of the library, and returns the call
-        that is timed. The call has no arguments and returns a `Motion`, or None without an answer.
+        Takes views and a seed, converts the views to the input of the library, and returns the
+        function whose call is timed. This function has no arguments and returns a `Motion`, or None
+        if there is no estimate.
     """
 
     name: str
@@ -52,7 +53,7 @@ class Estimator:
 
 
 class PinholePoints(NamedTuple):
-    """Matches as a camera without distortion would have seen them."""
+    """Matches as seen by a camera without distortion, and the intrinsics of this camera."""
 
     points0: np.ndarray
     points1: np.ndarray
@@ -67,11 +68,11 @@ class PinholePoints(NamedTuple):
 
 
 def pinhole_points(views: TwoViews) -> PinholePoints:
-    """The matches without lens distortion; the time of a peer excludes this conversion.
+    """The matches without lens distortion. The time of this conversion is not measured.
 
-    Pixels and principal point stay in farpoint's convention. COLMAP and PoseLib count both from the
-    corner of the top-left pixel, which adds 0.5 px to both; without distortion the two shifts
-    cancel exactly.
+    Pixels and principal point stay in farpoint's convention. In the convention of COLMAP and
+    PoseLib, the origin is the corner of the top-left pixel, so that pixels and principal point are
+    0.5 px larger. Without distortion the two shifts cancel exactly.
     """
     model = views.camera.model
     if not isinstance(model, Pinhole):
@@ -94,7 +95,7 @@ def _ideal_pixels(
 
 
 def load_peer(module: str) -> ModuleType | None:
-    """Import a library of a peer, or return None: farpoint neither needs nor installs the peers."""
+    """Import the library of a peer; None if not installed, because farpoint needs no peer."""
     try:
         return importlib.import_module(module)
     except ImportError:

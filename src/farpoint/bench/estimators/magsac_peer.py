@@ -1,6 +1,4 @@
-"""MAGSAC++ and GC-RANSAC by the packages of their authors; OpenCV decomposes the essential
-matrices.
-"""
+"""MAGSAC++ and GC-RANSAC from their authors' packages; OpenCV decomposes essential matrices."""
 
 from __future__ import annotations
 
@@ -29,7 +27,7 @@ _Search = Callable[[np.ndarray, np.ndarray, float, float], tuple[np.ndarray | No
 
 
 def magsac_estimators() -> tuple[Estimator, ...]:
-    """Those that are installed; they draw other samples in every call."""
+    """MAGSAC++ and GC-RANSAC, if installed. Each draws other samples in every call."""
     cv2, found = load_peer("cv2"), []
     if cv2 is None:
         return ()
@@ -78,7 +76,7 @@ def _preparation(
         width, height = views.camera.size or _extent(ideal)
 
         def estimate() -> Motion | None:
-            """One call of the library, its answer in farpoint's conventions."""
+            """One call of the library; the result is converted to farpoint's conventions."""
             try:
                 E, mask = search(matches, ideal.matrix, float(width), float(height))
             except RuntimeError:  # too few matches
@@ -94,6 +92,6 @@ def _preparation(
 
 
 def _extent(ideal: PinholePoints) -> tuple[float, float]:
-    """Width and height, px, of images that hold all points."""
+    """Width and height, px, of images that contain all points."""
     width, height = np.ceil(np.maximum(ideal.points0, ideal.points1).max(axis=0, initial=1.0))
     return float(width), float(height)

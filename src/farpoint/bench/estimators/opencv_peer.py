@@ -26,7 +26,7 @@ FAR_REACH = 1e6  # far points vote on the sign as near ones do: fewer wrong sign
 
 
 def opencv_estimators() -> tuple[Estimator, ...]:
-    """RANSAC at its defaults and the two better searches, or none."""
+    """RANSAC with defaults, USAC_ACCURATE and USAC_MAGSAC; empty if OpenCV is not installed."""
     cv2 = load_peer("cv2")
     if cv2 is None:
         return ()
@@ -50,7 +50,7 @@ def _preparation(
         ideal = pinhole_points(views)
 
         def estimate() -> Motion | None:
-            """One call of the library, its answer in farpoint's conventions."""
+            """One call of the library; the result is converted to farpoint's conventions."""
             try:
                 E, mask = cv2.findEssentialMat(
                     ideal.points0,
@@ -74,10 +74,10 @@ def _preparation(
 def recovered_motion(
     cv2: Any, E: np.ndarray, ideal: PinholePoints, mask: np.ndarray | None, reach: float
 ) -> Motion | None:
-    """The motion of an essential matrix, with the sign by cheirality of the inliers within
-    ``reach``.
+    """The motion of an essential matrix, with the sign from cheirality.
 
-    ``reach`` is in baselines. ``mask`` (N, 1) marks the inliers; with None all matches count.
+    Cheirality is checked for inliers that are nearer than ``reach``, in units of the baseline.
+    ``mask`` (N, 1) marks the inliers; with None all matches are inliers.
     """
     try:
         _, R, t, _, _ = cv2.recoverPose(

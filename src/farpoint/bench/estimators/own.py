@@ -1,4 +1,4 @@
-"""farpoint itself, through its public door."""
+"""farpoint itself, called through the public interface."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def _estimator(name: str, settings: str, options: RelativePoseOptions) -> Estima
         """Return the call that is timed; pixels and camera need no conversion."""
 
         def estimate() -> Motion | None:
-            """What a user would call."""
+            """The call that a user would make."""
             pose = estimate_relative_pose(
                 views.points0, views.points1, views.camera, options=options, seed=seed
             )

@@ -18,7 +18,7 @@ _TUNED_BUNDLE = {"loss_type": "TRUNCATED", "loss_scale": 1.0}
 
 
 def poselib_estimators() -> tuple[Estimator, ...]:
-    """With its defaults and tuned for tracks, or none."""
+    """PoseLib with defaults, and PoseLib tuned for tracks; empty if not installed."""
     poselib = load_peer("poselib")
     if poselib is None:
         return ()
@@ -50,7 +50,7 @@ def _preparation(
         settings = {**ransac, "seed": seed}
 
         def estimate() -> Motion | None:
-            """One call of the library, its answer in farpoint's conventions."""
+            """One call of the library; the result is converted to farpoint's conventions."""
             pose, _ = poselib.estimate_relative_pose(
                 ideal.points0, ideal.points1, camera, camera, settings, bundle
             )

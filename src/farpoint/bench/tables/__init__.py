@@ -1,1 +1,1 @@
-"""The tables, one small module each."""
+"""The tables of the benchmark. Each table has a small module."""

@@ -36,8 +36,9 @@ _COLUMNS = (
 
 
 def accuracy_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
-    """The table, yielded after each cell, with the paper's protocol: 110 matches, 20 wrong, noise
-    0.22 px.
+    """The table for the paper's protocol, yielded after each cell.
+
+    Each scene has 110 matches, of which 20 are outliers. The noise is 0.22 px.
     """
     rng = np.random.default_rng(options.seed)
     rows: list[tuple[Cell, ...]] = []

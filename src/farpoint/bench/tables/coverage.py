@@ -1,4 +1,4 @@
-"""Coverage of the covariances, cell by cell."""
+"""The table of coverage: tests of the covariances in each cell of a grid of scenes."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def _table(rows: Sequence[tuple[Cell, ...]], grid: CoverageGrid, options: BenchO
 
 
 def _share_observed(rows: Sequence[tuple[Cell, ...]]) -> str:
-    """How many of all observable motions are OK, in words."""
+    """Text with the share of the observable motions whose status is OK."""
     names = [column.name for column in _COLUMNS]
     observable, ok = (
         sum(int(row[names.index(name)] or 0) for row in rows)

@@ -1,4 +1,4 @@
-"""Summary of the table of coverage: a row for all cells of one kind of scene."""
+"""Summary of the table of coverage, in which a row stands for all cells of a kind of scene."""
 
 from __future__ import annotations
 
@@ -34,9 +34,7 @@ _Cell = dict[str, Any]
 
 
 def coverage_summary(coverage: Table) -> Table:
-    """A row for each kind of scene, share of outliers and number of matches in the table of
-    coverage.
-    """
+    """Table with a row for each kind of scene, share of outliers and number of matches."""
     names = [column.name for column in coverage.columns]
     groups: dict[tuple[Cell, ...], list[_Cell]] = {}
     for row in coverage.rows:
@@ -89,8 +87,9 @@ def _figures(cells: Sequence[_Cell]) -> tuple[Cell, ...]:
 
 
 def _shares(cells: Sequence[_Cell], kind: str, counts: Sequence[int]) -> tuple[Cell, ...]:
-    """Shares in 68 % and 95 % regions of all estimates together, and the lowest 95 % share of a
-    cell.
+    """Shares of estimates whose 68 % and 95 % regions contain the truth.
+
+    The third value is the lowest share, in any cell, for the 95 % regions.
     """
     counted = [(cell, count) for cell, count in zip(cells, counts, strict=True) if count]
     if not counted:

@@ -39,7 +39,7 @@ _WAYS: tuple[tuple[str, OutputOptions | None, bool], ...] = (
 
 
 def drawing_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
-    """A row for each choice of outputs; all choices process the same frames in turn."""
+    """A row for each choice of outputs. The choices process the same frames in turn."""
     sequence = (find_sequences(options.data) or [rendered_sequence(options.seed)])[0]
     images = sequence.images((options.pairs or _FRAMES) + _WARM_UP)
     times_s: list[list[np.ndarray]] = [[] for _ in _WAYS]
@@ -91,7 +91,7 @@ def drawing_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...
 def _run(
     sequence: Sequence, images: list[np.ndarray], output: OutputOptions | None, viewer: bool
 ) -> np.ndarray:
-    """Seconds of each frame, (N, 4), in the columns named by `_WALL` and the constants after it."""
+    """Times of each frame (N, 4), s; `_WALL`, `_CPU`, `_WHOLE` and `_OTHERS` number the columns."""
     odometry = Odometry(sequence.camera)
     seconds = np.empty((len(images), 4))
     with ExitStack() as opened:
@@ -119,7 +119,7 @@ def _run(
 
 
 def _drawing_cpu_s() -> float:
-    """CPU time of the drawing processes so far, measured when they have caught up."""
+    """CPU time of the drawing processes so far, s, measured when all drawing is done."""
     now_s, before_s = children_cpu_s(), -1.0
     while now_s > before_s:
         time.sleep(_CAUGHT_UP_S)

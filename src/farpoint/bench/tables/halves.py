@@ -1,4 +1,4 @@
-"""Split-half test on the tracks of real images, without truth."""
+"""Split-half test on the tracks of real images, which needs no true motion."""
 
 from __future__ import annotations
 
@@ -39,8 +39,9 @@ _COLUMNS = (
 
 
 def halves_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
-    """The table with a row for each image sequence of the data, yielded after each row, and the
-    table by image cells.
+    """A table with a row for each image sequence of the data, and the table by image cells.
+
+    The tables are yielded after each row.
     """
     sequences: dict[str, list[HalvesBySplit]] = {}
     seeds = range(options.seed, options.seed + _RUNS)

@@ -1,5 +1,6 @@
-"""The split-half test for several ways to split the tracks: with image cells, errors shared by
-neighbours do not cancel.
+"""The split-half test for several ways to split the tracks.
+
+If the tracks are split by image cells, errors that neighbouring tracks share do not cancel.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ def split_halves(odometry: Odometry, results: Iterable[OdometryResult]) -> Halve
 
 
 def halves_by_cells(sequences: Mapping[str, Sequence[HalvesBySplit]], command: str) -> Table:
-    """A row for each sequence (given by its runs) and each way to split its tracks."""
+    """A row for each sequence (given by several runs) and each way to split the tracks."""
     return Table(
         name="halves_by_cells",
         title="Halves of the tracks of real images, split by patches and by image cells",

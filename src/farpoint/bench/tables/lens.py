@@ -1,4 +1,4 @@
-"""Errors of the estimated lens and path after a wrong calibration, against their covariances."""
+"""Errors of lens and path, estimated from a wrong calibration, against the covariances."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def _cells(trials: Sequence[LensTrial]) -> tuple[Cell, ...]:
 
 
 def _ends_within(trials: Sequence[LensTrial]) -> float:
-    """Share of the recordings whose last pose lies within its 95 % region."""
+    """Share of the recordings in which the 95 % region of the last pose contains the truth."""
     ends = [path.pose.end_nees for trial in trials if (path := evaluate_path(trial.path))]
     return float(np.mean(np.array(ends) <= chi2_quantile(0.95, 6)))
 

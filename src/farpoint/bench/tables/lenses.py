@@ -1,6 +1,4 @@
-"""The tables of lenses: time to unproject for every lens, and odometry over images rendered with
-wide lenses.
-"""
+"""The tables of lenses: times of unprojection, and odometry over images of wide lenses."""
 
 from __future__ import annotations
 
@@ -74,7 +72,7 @@ _LENSES: tuple[tuple[str, CameraModel], ...] = (
 
 
 def unprojection_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
-    """Seconds for a million pixels, by every model."""
+    """Time to unproject a million pixels, s, for every lens model."""
     rng = np.random.default_rng(options.seed)
     pixels = rng.uniform((0.0, 0.0), np.array(_SIZE) - 1.0, (_PIXELS, 2))
     rows = []
@@ -96,7 +94,7 @@ def unprojection_table(options: BenchOptions, progress: Progress) -> tuple[Table
 
 
 def wide_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
-    """A row for each camera driven through rendered streets."""
+    """A row for each wide camera, with drives through rendered streets."""
     pairs = options.pairs or _PAIRS
     streets = math.ceil(pairs / _PAIRS_PER_STREET)
     frames = min(pairs, _PAIRS_PER_STREET) + 1
@@ -127,7 +125,7 @@ def wide_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
 
 
 def _fastest_s(call: Callable[[], object]) -> float:
-    """Processor time of the fastest call; the first one compiles."""
+    """Processor time, s, of the fastest of several calls. The first call compiles kernels."""
     call()
     seconds = []
     for _ in range(_REPEATS):

@@ -1,4 +1,4 @@
-"""The tables of a live session with faults: correctness of its counts and files, and its memory."""
+"""The tables of a live session with faults: correctness of counts and files, and memory."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _SHORT_S, _FULL_S = 60, 600
 
 
 def live_tables(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
-    """Table of known and counted faults, and table of the memory over the session."""
+    """Table of known and counted faults, and table of the memory during the session."""
     seconds = options.pairs or (_FULL_S if options.full else _SHORT_S)
     progress("live", 0, 1)
     with tempfile.TemporaryDirectory(prefix="farpoint-live-") as folder:

@@ -1,6 +1,4 @@
-"""Odometry over rendered streets with the motion of a car, a hand or a drone: coverage of the
-covariances.
-"""
+"""Coverage of odometry over rendered streets, for motions of a car, a hand or a drone."""
 
 from __future__ import annotations
 
@@ -41,16 +39,17 @@ _LENSES = {"pinhole, 65 deg": PINHOLE, "fisheye, 195 deg": FISHEYE}
 
 @dataclass(frozen=True, kw_only=True)
 class _Motion:
-    """How the camera is moved.
+    """A motion of the camera.
 
     Attributes
     ----------
     name, kind : str
-        Name of the motion, and of its kind.
+        Name of the motion, and name of the kind of motion.
     fps : float
-        Frames a second.
+        Frames per second.
     paths : callable
-        Returns paths, for a number of streets, a number of frames for each path, and a seed.
+        Returns paths. The arguments are the number of streets, the number of frames of each path,
+        and a seed.
     """
 
     name: str
@@ -113,7 +112,7 @@ def _motions(options: BenchOptions) -> Iterator[_Motion]:
 
 
 def _kind(name: str) -> str:
-    """Common part of the names of recordings of one kind: all characters before the first digit."""
+    """Name of the kind of a recording: all characters of ``name`` before the first digit."""
     return re.split(r"\d", name, maxsplit=1)[0].rstrip("-_ ") or name
 
 
@@ -122,8 +121,9 @@ def _drives(fps: float, streets: int, frames: int, seed: int) -> list[Trajectory
 
 
 def _parts(body: Trajectory, streets: int, frames: int, seed: int) -> list[Trajectory]:
-    """Parts of a measured motion, one from each of several equal stretches; none where the motion
-    is lost.
+    """Parts of a measured motion: one part from each of several equal stretches.
+
+    A stretch in which the motion is lost gives no part.
     """
     assert body.timestamps is not None  # TUM's format has them
     duration = body.timestamps[-1] - body.timestamps[0] - frames / _CARRIED_FPS

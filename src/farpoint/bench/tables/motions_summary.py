@@ -1,4 +1,4 @@
-"""Summary of the table of motions: a row for all recordings of one kind together."""
+"""Summary of the table of motions, in which a row stands for all recordings of one kind."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ _NAMES = [column.name for column in RENDERED_COLUMNS]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MotionErrors:
-    """What a row of the table of motions is made of.
+    """Data of a row in the table of motions.
 
     Attributes
     ----------
     kind : str
-        How the camera is moved: the same for recordings that belong together.
+        Name of the kind of motion, which is the same for recordings that belong together.
     fps : float
-        Frames a second.
+        Frames per second.
     lens : str
     streets : int
-        Rendered streets that the camera is moved through.
+        Number of rendered streets through which the camera moves.
     errors : RenderedErrors
-        Errors in all of these streets.
+        Errors in all these streets.
     """
 
     kind: str

@@ -1,6 +1,4 @@
-"""Accuracy with an object that moves by itself or with the camera, for farpoint and installed
-peers.
-"""
+"""Accuracy with an object that moves by itself or with the camera, for farpoint and peers."""
 
 from __future__ import annotations
 
@@ -41,7 +39,7 @@ _COLUMNS = (
 
 
 def movers_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
-    """Rows for objects that fill more of the image, that move farther, and that do not move."""
+    """Rows for each share of the matches on a moving object, and each motion of the object."""
     rng = np.random.default_rng(options.seed)
     rows: list[tuple[Cell, ...]] = []
     for share in _SHARES:
@@ -55,8 +53,9 @@ def with_mover(
 ) -> TwoViews:
     """Views with an object that moves by itself.
 
-    This share of the matches is on the object: a random match, and the matches nearest to it in
-    image 0. In image 1 they are all displaced by ``shift_px`` in the same random direction.
+    ``share`` is the share of the matches that are on the object: a random match, and the matches
+    nearest to this match in image 0. In image 1 all matches on the object are displaced by
+    ``shift_px`` in the same random direction.
     """
     middle, angle = views.points0[rng.integers(len(views.points0))], rng.uniform(0.0, 2 * math.pi)
     nearest = np.argsort(np.linalg.norm(views.points0 - middle, axis=1))
@@ -67,8 +66,9 @@ def with_mover(
 
 
 def with_stationary(views: TwoViews, share: float, rng: np.random.Generator) -> TwoViews:
-    """Views through a lens with dirt: this share of the matches, anywhere in the image, stands
-    still.
+    """Views through a dirty lens, with matches that stand still.
+
+    ``share`` is the share of such matches, which are anywhere in the image.
     """
     stationary = rng.permutation(len(views.points0))[: round(share * len(views.points0))]
     points1 = views.points1.copy()
@@ -148,7 +148,7 @@ def _cell_rows(
 
 
 def _coverage(views: list[TwoViews], seed: int) -> tuple[Cell, ...]:
-    """Share of farpoint's 95 % regions that contain the truth, with its 95 % interval."""
+    """Share of farpoint's 95 % regions that contain the truth, and 95 % interval of this share."""
     poses = [estimate_relative_pose(v.points0, v.points1, v.camera, seed=seed) for v in views]
     errors = pose_errors(
         poses,

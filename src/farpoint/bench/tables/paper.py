@@ -1,6 +1,4 @@
-"""The simulation table of Burschka and Mair (2008): the paper's figures, its closed form, and
-farpoint.
-"""
+"""The simulation table of Burschka and Mair (2008), with the closed form and farpoint."""
 
 from __future__ import annotations
 
@@ -48,7 +46,7 @@ _PUBLISHED: tuple[Cell, ...] = (
 
 
 def paper_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
-    """Mean absolute errors over random pairs of the paper's protocol."""
+    """Mean absolute errors over random pairs that are drawn by the paper's protocol."""
     rng = np.random.default_rng(options.seed)
     count = options.pairs or _PAIRS
     scenes = [make_point_scene(paper_protocol(rng), seed=rng) for _ in range(count)]
@@ -95,7 +93,7 @@ def paper_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
 
 
 def _bound_figures(scenes: list[PointScene]) -> tuple[float, float, float, float]:
-    """Mean absolute errors, deg, of Gaussian errors with the covariance of the bound."""
+    """Mean absolute errors, deg, of Gaussian errors whose covariance is the Cramer-Rao bound."""
     bounds = np.array([cramer_rao_bound(scene) for scene in scenes])
     sigmas = np.sqrt(np.diagonal(bounds[:, :3, :3], axis1=1, axis2=2))
     x, y, z = np.degrees(math.sqrt(2.0 / math.pi) * np.mean(sigmas, axis=0))

@@ -1,4 +1,4 @@
-"""Errors of paths against their covariances, over recordings or rendered streets."""
+"""Errors of paths, compared with their covariances, in recordings or rendered streets."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _CAMERAS: tuple[tuple[str, Camera], ...] = (
 
 
 def path_tables(options: BenchOptions, progress: Progress) -> Iterator[Table]:
-    """Tables of the recordings of the data; without recordings, of rendered streets."""
+    """Tables of the recordings in the data, or of rendered streets if there are no recordings."""
     if find_sequences(options.data):
         yield from recordings_table(options, progress)
     else:
@@ -42,7 +42,7 @@ def path_tables(options: BenchOptions, progress: Progress) -> Iterator[Table]:
 
 
 def path_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
-    """A row for each camera, driven through streets of its own."""
+    """A row for each camera; each camera is driven through different rendered streets."""
     motions = options.pairs or _MOTIONS
     rows = []
     for k, (name, camera) in enumerate(_CAMERAS):

@@ -35,7 +35,7 @@ _COLUMNS = (
 
 
 def pipeline_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
-    """A row for each image sequence of the data; without data, for a rendered drive."""
+    """A row for each image sequence of the data, or for a rendered drive if there is none."""
     sequences = find_sequences(options.data) or [rendered_sequence(options.seed)]
     count = (options.pairs or _FRAMES) + 1
     rows = []

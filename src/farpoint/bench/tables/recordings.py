@@ -47,7 +47,7 @@ _COLUMNS = (
 
 
 def recordings_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
-    """A row for each image sequence of the data with true poses, and a row for all together."""
+    """A row for each image sequence with true poses, and a row for all sequences together."""
     rows: list[tuple[Cell, ...]] = []
     stretches: list[tuple[StretchFigure, ...]] = []
     for sequence in find_sequences(options.data):
@@ -62,7 +62,7 @@ def recordings_table(options: BenchOptions, progress: Progress) -> Iterator[Tabl
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Run:
-    """Result for a recording: N frames, and P final poses with their truth."""
+    """Result for a recording with N frames and P final poses, including the true poses."""
 
     results: list[OdometryResult]
     samples: PathSamples
@@ -71,7 +71,7 @@ class _Run:
     path_s: float
 
     def cells(self) -> tuple[Cell, ...]:
-        """Of the recording's row, from its errors on."""
+        """Cells of the recording's row, without the first cell (the name)."""
         known = np.isfinite(self.samples.truth[:, 0, 0])
         found, truth = self.samples.world_from_cam[known], self.samples.truth[known]
         length, ate, drift = path_length(truth), math.nan, math.nan
@@ -121,7 +121,7 @@ def _run(recording: Recording, options: BenchOptions, progress: Callable[[int, i
 
 
 def _focal(odometry: Odometry) -> tuple[Cell, Cell, Cell]:
-    """Focal length as given and found, and its sigma, px."""
+    """Given focal length, estimated focal length and sigma of the estimate, px."""
     lens = odometry.lens
     given, found = (camera.model.parameters["fx"] for camera in (lens.given, lens.camera))
     return given, found, lens.sigma.get("fx")
@@ -134,7 +134,7 @@ def _shares(figures: Sequence[StretchFigure]) -> tuple[Cell, ...]:
 
 
 def _together(runs: Sequence[tuple[StretchFigure, ...]]) -> tuple[Cell, ...]:
-    """All stretches of all recordings, whose shares are known."""
+    """Cells of the row for the stretches of all recordings together."""
     shares: list[Cell] = []
     for kind in ("lengths", "rotations"):
         for k in range(len(STRETCH_SHARES)):

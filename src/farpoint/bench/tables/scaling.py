@@ -1,4 +1,4 @@
-"""Growth of the time of an estimate with the matches, the outliers, and shorter steps."""
+"""Time of an estimate by number of matches, share of outliers, and length of the step."""
 
 from __future__ import annotations
 
@@ -28,9 +28,7 @@ _BASELINE_SIZE = (110, 20)  # matches, and wrong ones, while steps become shorte
 
 
 def scaling_tables(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
-    """Tables with a row for each number of matches, each share of outliers, and each length of a
-    step.
-    """
+    """Tables with rows by number of matches, by share of outliers, and by length of the step."""
     estimators = all_estimators()
     by_matches = _median_ms(
         [(n, round(_OUTLIER_PERCENT / 100 * n), _BASELINE_CM) for n in _MATCHES],
@@ -97,10 +95,11 @@ def _median_ms(
     options: BenchOptions,
     progress: Callable[[int, int], None],
 ) -> np.ndarray:
-    """Median times (cells, estimators), ms; a cell has a number of matches, of outliers, and a step
-    in cm.
+    """Median times (cells, estimators), ms.
 
-    The cells take turns too: their ratios are what counts.
+    Each cell has a number of matches, a number of outliers, and the length of a step in cm.
+
+    The cells also take turns, because the tables are made to compare the times of the cells.
     """
     rng = np.random.default_rng(options.seed)
     rounds = min(options.pairs or _SCENES, _SCENES)

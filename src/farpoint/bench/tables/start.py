@@ -70,7 +70,7 @@ def start_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
 
 
 def _start(cache: str) -> tuple[float, float]:
-    """Seconds of import and first estimate in a process with this folder as numba's cache."""
+    """Times, s, of import and first estimate in a process whose numba cache is ``cache``."""
     scene = make_point_scene(paper_example(outliers=20), seed=0)
     seen = pinhole_points(views_of_scene(scene))
     camera = *(scene.camera.size or ()), *seen.focal_px, *seen.centre_px

@@ -1,4 +1,4 @@
-"""Accuracy on real images several frames apart, matched by OpenCV, for farpoint and every peer."""
+"""Accuracy on real images several frames apart, matched by OpenCV, for farpoint and peers."""
 
 from __future__ import annotations
 
@@ -32,8 +32,9 @@ _MATCHERS: dict[str, Callable[[Camera], Matcher]] = {
 
 
 def steps_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
-    """The table with rows for every sequence, kind of match and step, yielded after each row, and
-    the summary.
+    """A table with rows for every sequence, kind of match and step, and a summary.
+
+    The tables are yielded again whenever rows are added.
     """
     rows: list[tuple[Cell, ...]] = []
     for sequence in find_sequences(options.data):
@@ -52,7 +53,7 @@ def steps_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
 
 
 def _views(recording: PosedSequence, matcher: Matcher, step: int, most: int) -> list[TwoViews]:
-    """Pairs of images so many frames apart, evenly over the film."""
+    """Pairs of images that are ``step`` frames apart, evenly spaced over the recording."""
     views = []
     for first in evenly_spaced(max(len(recording.images) - step, 0), most):
         points0, points1 = matcher.match(recording.images[first], recording.images[first + step])

@@ -1,4 +1,4 @@
-"""Summary of the table of steps: errors of farpoint over those of each peer."""
+"""Summary of the table of steps: errors of farpoint divided by errors of each peer."""
 
 from __future__ import annotations
 
@@ -81,6 +81,6 @@ def _rows(sequence: str, cases: Sequence[Sequence[_Row]]) -> Iterable[tuple[Cell
 
 
 def _geometric_mean(ratios: Iterable[float]) -> float | None:
-    """Of those that exist; NaN, of no answers, does not."""
+    """Geometric mean of the positive finite ratios; None if there are none."""
     logs = [math.log(ratio) for ratio in ratios if math.isfinite(ratio) and ratio > 0.0]
     return math.exp(math.fsum(logs) / len(logs)) if logs else None

@@ -1,4 +1,4 @@
-"""Time of one estimate, with all estimators on the same matches in turn."""
+"""Time of one estimate; all estimators take turns on the same matches."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _COLUMNS = (
 
 
 def timing_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
-    """Median time at the paper's number of matches and at that of a video."""
+    """Median time for the paper's number of matches and for the number of matches in a video."""
     rng = np.random.default_rng(options.seed)
     rows: list[tuple[Cell, ...]] = []
     for matches, outliers in _SIZES:

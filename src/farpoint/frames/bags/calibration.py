@@ -1,4 +1,4 @@
-"""The camera of an image topic, from its ``CameraInfo``."""
+"""The camera of an image topic, from a ``CameraInfo`` message."""
 
 from __future__ import annotations
 
@@ -23,14 +23,15 @@ _HELP = "give a calibration by --camera"
 def camera_of(bag: Bag, images: Topic, frame_id: str) -> Camera:
     """The camera of an image topic.
 
-    The calibration is the ``camera_info`` beside the images (``/cam/camera_info`` for
-    ``/cam/image_raw`` or ``/cam/image_raw/compressed``), or the only one with the same ``frame_id``
-    as the images.
+    The calibration is in the topic ``camera_info`` beside the images (``/cam/camera_info`` for
+    ``/cam/image_raw`` or ``/cam/image_raw/compressed``), or in the only ``CameraInfo`` topic with
+    the same ``frame_id`` as the images.
 
     Raises
     ------
     InputError
-        If there is no ``CameraInfo``, if several are possible, or if it is not calibrated.
+        If there is no ``CameraInfo``, if several are possible, or if the ``CameraInfo`` has no
+        calibration.
     """
     known = [topic for topic in bag.topics() if kind_of(topic) in _KINDS and topic.count != 0]
     base = _TRANSPORT.sub("", images.name)
@@ -50,7 +51,7 @@ def camera_of(bag: Bag, images: Topic, frame_id: str) -> Camera:
 
 
 def _first(bag: Bag, topic: Topic) -> Any:
-    """The first readable and calibrated message; without one the first message, or None."""
+    """The first message with a calibration; else the first readable message, or None."""
     decode, first = decoder_of(topic), None
     for message in bag.messages((topic.name,)):
         if message.topic is None or message.fault is not None:
@@ -99,7 +100,7 @@ def _info(message: Any) -> CameraInfo:
 
 
 def _field(message: Any, name: str) -> Any:
-    """Field of a message: upper case in ROS 1, lower case in ROS 2."""
+    """Field of a message. The name is in upper case in ROS 1, in lower case in ROS 2."""
     return (
         getattr(message, name, None) if hasattr(message, name) else getattr(message, name.upper())
     )

@@ -1,4 +1,4 @@
-"""Times of images: from their headers, checked against the times of recording."""
+"""Times of images from headers, checked against the times of recording."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ _FRAME_NS = 10**8  # until two headers are read
 
 @dataclass
 class HeaderClock:
-    """Times from the headers of a topic, ns.
+    """Times of images, ns, from the headers of a topic.
 
-    The clock of the headers may differ from that of the recording. A difference that jumps in one
-    message and back in the next is due to a damaged header.
+    The clock of the headers may differ from the clock of the recording. If the difference jumps at
+    one message and jumps back at the next message, the header of the one message is damaged.
 
     Attributes
     ----------
     offset_ns : int or None
-        Offset of the header clock from the recording clock; None if one of them has no time.
+        Offset of the header clock from the recording clock; None if either clock has no times.
     """
 
     offset_ns: int | None = None
@@ -35,12 +35,12 @@ class HeaderClock:
 
     @classmethod
     def of_first(cls, first: Sequence[tuple[int, int | None]]) -> HeaderClock:
-        """Clock from the headers of some messages and their times of recording."""
+        """Clock from the header times and the recording times of some messages."""
         offsets = [stamp - recorded for stamp, recorded in first if stamp and recorded is not None]
         return cls(statistics.median_low(offsets) if 2 * len(offsets) >= len(first) > 0 else None)
 
     def take(self, stamp_ns: int, recorded_ns: int | None) -> int | None:
-        """Time of an image; None if its header contradicts the earlier ones."""
+        """Time of an image; None if the header contradicts earlier headers."""
         if not stamp_ns and not self._begins_at_zero(recorded_ns):  # never set
             return self.guess(recorded_ns)
         if recorded_ns is not None:
@@ -56,13 +56,13 @@ class HeaderClock:
         return stamp_ns
 
     def _begins_at_zero(self, recorded_ns: int | None) -> bool:
-        """Whether the headers' clock was about zero at that time, and has stayed there."""
+        """Whether the clock of the headers was near zero then and has stayed at zero so far."""
         if self.offset_ns is None or recorded_ns is None or self._last_ns:
             return False
         return abs(recorded_ns + self.offset_ns) < _ABOUT_ZERO_NS
 
     def guess(self, recorded_ns: int | None) -> int:
-        """Time of an image whose header has no time or is lost; not before the last image."""
+        """Time of an image whose header has no time or is lost; never before the previous image."""
         if recorded_ns is not None:
             time_ns = recorded_ns + (self.offset_ns or 0)
         elif self._last_ns is not None:

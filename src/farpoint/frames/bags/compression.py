@@ -1,4 +1,4 @@
-"""Decompression of parts of bags, limited to their announced size."""
+"""Decompression of parts of bags, limited to the size that the bag states."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ _KINDS: dict[str, Callable[[], _Decompressor]] = {
 
 
 def decompress(data: memoryview, kind: str, size: int) -> memoryview:
-    """The ``size`` decompressed bytes, fewer if the data is truncated.
+    """The decompressed data: ``size`` bytes, or fewer if the data is truncated.
 
     Raises BrokenBagError if the data is damaged.
     """
@@ -70,7 +70,7 @@ def unpack_message(data: bytes | memoryview) -> bytes:
 
 
 def unpack_file(packed: Path, to: Path) -> str | None:
-    """Decompress a file (zstd); returns the reason of an early end, or None."""
+    """Decompress a file (zstd); returns the reason if the data ends early, otherwise None."""
     with packed.open("rb") as source, to.open("wb") as target:
         decompressor = _zstd().ZstdDecompressor()
         while not decompressor.eof:

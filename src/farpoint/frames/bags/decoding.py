@@ -18,7 +18,7 @@ Decoder = Callable[[bytes | memoryview], Any]
 
 
 def kind_of(topic: Topic) -> str:
-    """The type's own name: ``Image`` of ``sensor_msgs/msg/Image``."""
+    """The last part of a type's name, such as ``Image`` of ``sensor_msgs/msg/Image``."""
     return topic.type_name.replace(".", "/").rpartition("/")[2]
 
 
@@ -37,8 +37,9 @@ def decoder_of(topic: Topic) -> Decoder:
 
 
 def stamp_ns(message: Any) -> int:
-    """Time stamp of a message, ns; 0 if none was set. A type without a time stamp raises
-    BrokenBagError.
+    """Time stamp of a message, ns; 0 if no time stamp was set.
+
+    Raises BrokenBagError if the type has no time stamp.
     """
     with by_definition():
         header = getattr(message, "header", None)
@@ -48,8 +49,9 @@ def stamp_ns(message: Any) -> int:
 
 @contextmanager
 def by_definition() -> Iterator[None]:
-    """Context in which a missing field raises BrokenBagError, because the definitions of a bag may
-    be damaged.
+    """Context in which a missing or unusable field raises BrokenBagError.
+
+    Such a field is possible because the definitions in a bag may be damaged.
     """
     try:
         yield
@@ -71,7 +73,7 @@ def _function(topic: Topic) -> Decoder:
 
 @lru_cache(maxsize=64)
 def _typestore(name: str, encoding: str, definition: str, is_idl: bool) -> Any:
-    """Types by the definition in the bag; without a definition, the types of ROS."""
+    """Types from the definition in the bag, or the types of ROS if there is no definition."""
     typesys = optional_import("rosbags.typesys", extra="ros", purpose="reading a bag")
     stores = typesys.Stores
     if definition:

@@ -1,4 +1,4 @@
-"""ROS 2 bag in a folder: ``metadata.yaml`` and the files that it names."""
+"""ROS 2 bag in a folder: ``metadata.yaml`` and the files that ``metadata.yaml`` names."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Open = Callable[[Path], Bag]
 
 
 def bag_files(folder: Path) -> list[Path]:
-    """The files of a bag in a folder; empty if there are none."""
+    """The files of a bag in a folder; empty if the folder has no such files."""
     with os.scandir(folder) as entries:
         names = [entry.name for entry in entries if entry.name.endswith(_ENDINGS)]
     return [folder / name for name in sorted(names, key=natural_key)]
@@ -45,7 +45,7 @@ class BagFolder:
     path : Path
         The folder.
     open_file : callable
-        Opens a file.
+        Opens a file of the bag.
     """
 
     def __init__(self, path: Path, open_file: Open) -> None:
@@ -64,7 +64,7 @@ class BagFolder:
 
     @cached_property
     def _parts(self) -> list[tuple[str, Bag | None, str | None]]:
-        """Name of each file, the opened file or None, and its fault."""
+        """Name of each file, the opened file or None, and the fault or None."""
         return [(name, *self._part(self.path / name)) for name in self._names]
 
     def topics(self) -> list[Topic]:
@@ -87,7 +87,7 @@ class BagFolder:
         return list(merged.values())
 
     def messages(self, names: Collection[str]) -> Iterator[Message]:
-        """Messages of some topics; a missing file gives a fault."""
+        """Messages of some topics; a missing file gives a lost message with a fault."""
         for name, part, fault in self._parts:
             if part is not None:
                 for message in part.messages(names):
@@ -122,7 +122,7 @@ class BagFolder:
 
 
 def _facts(metadata: Path) -> dict[str, Any]:
-    """Metadata of a bag; empty if unreadable, because the files contain most of it."""
+    """Metadata of a bag; empty if unreadable, because the files contain most of the metadata."""
     import yaml  # loaded on use
 
     try:
@@ -134,7 +134,7 @@ def _facts(metadata: Path) -> dict[str, Any]:
 
 
 def _file_names(facts: dict[str, Any]) -> list[str]:
-    """Of the parts: older bags name them with their folder."""
+    """Names of the files of the bag, without the folder that older bags add."""
     names = facts.get("relative_file_paths")
     if not isinstance(names, list):
         return []

@@ -1,4 +1,4 @@
-"""Recognition of bags by their first bytes."""
+"""Recognition of bags by the first bytes of a file."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def open_bag(path: Path) -> Bag:
     Raises
     ------
     InputError
-        If it is no bag, or cannot be read.
+        If ``path`` is no bag or cannot be read.
     MissingExtraError
         If the library that reads messages is not installed.
     """

@@ -174,7 +174,7 @@ class McapFile(RecordFile):
         return None
 
     def _begins(self, file: BinaryIO, at: int) -> bool:
-        """Whether a record begins here; the bytes after it must begin another record."""
+        """Whether a record begins at this byte, and another record begins after its end."""
         try:
             record = self._record(file, at)
             if record is None:
@@ -195,7 +195,7 @@ class McapFile(RecordFile):
 
 
 def _text(data: bytes, at: int) -> tuple[str, int]:
-    """The text at a place, and where it ends."""
+    """The text at a position, and the position of the end of the text."""
     size = _U32.unpack_from(data, at)[0]
     return data[at + 4 : at + 4 + size].decode(), at + 4 + size
 

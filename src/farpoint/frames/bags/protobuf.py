@@ -1,4 +1,4 @@
-"""Foxglove's messages as MCAP files hold them: Protocol Buffers and JSON.
+"""Foxglove's messages in MCAP files, encoded in Protocol Buffers or in JSON.
 
 The field numbers are those of Foxglove's ``.proto`` files, which never change:
 https://github.com/foxglove/foxglove-sdk/tree/main/schemas
@@ -35,8 +35,9 @@ _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
 
 
 def from_protobuf(data: bytes | memoryview, kind: str) -> SimpleNamespace:
-    """The fields of a message. An absent field has its default; a damaged message raises
-    ValueError.
+    """The fields of a message; an absent field has the default value.
+
+    Raises ValueError if the message is damaged.
     """
     fields = _blank(kind)
     for number, value in _wire(memoryview(data)):
@@ -60,7 +61,7 @@ def from_protobuf(data: bytes | memoryview, kind: str) -> SimpleNamespace:
 
 
 def from_json(data: bytes | memoryview, kind: str) -> SimpleNamespace:
-    """The same of a message in JSON, its bytes in base64."""
+    """The fields of a message in JSON, whose binary data is in base64."""
     found = json.loads(bytes(data))
     fields = _blank(kind)
     for key, value in found.items():
@@ -86,7 +87,7 @@ def _stamp(sec: int, nanosec: int) -> SimpleNamespace:
 
 
 def _wire(data: memoryview) -> Iterator[tuple[int, Any]]:
-    """Numbers and values of the fields, as they are written."""
+    """Numbers and values of the fields, in the order of the bytes."""
     at = 0
     while at < len(data):
         key, at = _varint(data, at)

@@ -1,8 +1,8 @@
 """A bag that is one file of records (ROS 1 bags and MCAP files), read from beginning to end.
 
-The file is a sequence of records: chunks of messages, each followed by its index, or single
-messages. Only the current chunk is kept in memory. The summary at the end of the file is used if it
-exists. Subclasses define the record format.
+The file is a sequence of records: chunks of messages, each followed by an index of the chunk, or
+single messages. Only the current chunk is kept in memory. If the file ends with a summary, the
+summary is used. Subclasses define the record format.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ Wanted = Callable[[int], Topic | None]
 
 @dataclass(frozen=True)
 class Record:
-    """Kind of a record, and the position of its data in the file or in a decompressed chunk.
+    """Kind of a record, and position of the data in the file or in a decompressed chunk.
 
     Attributes
     ----------
     op : int
-        Kind of the record, as in the format.
+        Kind of the record: its operation code in the format.
     data_at : int
-        Position of its data.
+        Position of the data of the record.
     size : int
-        Size of its data, bytes.
+        Size of the data, bytes.
     header : dict
-        Fields before the data, if the format has any.
+        Fields before the data, if the format has such fields.
     """
 
     op: int
@@ -62,7 +62,7 @@ class IndexEntry:
     time_ns : int
         Time of recording, ns.
     offset : int
-        Position of its record in the decompressed chunk.
+        Position of the message's record in the decompressed chunk.
     """
 
     channel: int
@@ -72,7 +72,7 @@ class IndexEntry:
 
 @dataclass(frozen=True)
 class Parsed:
-    """A message record: its channel, its time, and its bytes."""
+    """A message record: channel, time, and bytes of the message."""
 
     channel: int
     time_ns: int
@@ -104,7 +104,7 @@ class RecordFile(ABC):
         self._channels: dict[int, Topic] = {}
 
     def topics(self) -> list[Topic]:
-        """Topics from the summary at the end of the file, otherwise from the whole file."""
+        """Topics from the summary of the file, or from the whole file if there is no summary."""
         with self.path.open("rb") as file:
             if file.read(len(self.MAGIC)) != self.MAGIC:
                 raise InputError(f"expected {self.NAME}", file=self.path)
@@ -118,7 +118,7 @@ class RecordFile(ABC):
         return [replace(topic, count=counts[name]) for name, topic in topics.items()]
 
     def messages(self, names: Collection[str]) -> Iterator[Message]:
-        """Messages of some topics; for damaged chunks, the messages that the index locates."""
+        """Messages of some topics; the index locates messages in a damaged chunk."""
         with self.path.open("rb") as file:
             yield from self._messages(file, names)
 
@@ -132,7 +132,7 @@ class RecordFile(ABC):
 
     @abstractmethod
     def _record_in(self, raw: memoryview, at: int) -> Record:
-        """The record at a byte of an unpacked chunk, or a BrokenBagError."""
+        """The record at a byte of an unpacked chunk; damage raises BrokenBagError."""
 
     @abstractmethod
     def _declare(self, record: Record, data: bytes) -> None:
@@ -140,21 +140,21 @@ class RecordFile(ABC):
 
     @abstractmethod
     def _parse(self, record: Record, data: memoryview) -> Parsed:
-        """A message by its record, or a BrokenBagError."""
+        """The message of a record; damage raises BrokenBagError."""
 
     @abstractmethod
     def _unpack(self, record: Record, data: memoryview) -> memoryview:
-        """Decompressed chunk, fewer bytes if it is truncated, or a BrokenBagError."""
+        """The decompressed chunk, in part if truncated; damage raises BrokenBagError."""
 
     @abstractmethod
     def _entries(self, record: Record, data: bytes) -> Iterator[IndexEntry]:
-        """Entries of an index record, or a BrokenBagError."""
+        """Entries of an index record; damage raises BrokenBagError."""
 
     @abstractmethod
     def _read_summary(self, file: BinaryIO) -> Counter[str]:
         """Declare all topics and count their messages from the summary at the end of the file.
 
-        Raises BrokenBagError where the end has no summary.
+        Raises BrokenBagError if the file ends without a summary.
         """
 
     @abstractmethod
@@ -162,7 +162,7 @@ class RecordFile(ABC):
         """Position of the next recognisable chunk or message after a byte."""
 
     def _messages(self, file: BinaryIO, names: Collection[str] | None) -> Iterator[Message]:
-        """Messages of some topics; of all topics if no names are given."""
+        """Messages of the named topics, or of all topics if ``names`` is None."""
 
         def wanted(number: int) -> Topic | None:
             topic = self._channels.get(number)
@@ -205,7 +205,7 @@ class RecordFile(ABC):
             yield _whole(topic, parsed)
 
     def _chunk(self, file: BinaryIO, record: Record, wanted: Wanted) -> Iterator[Message]:
-        """Messages of a chunk in the order of time; for a damaged chunk, from its index."""
+        """Messages of a chunk in order of time; the index locates messages in a damaged chunk."""
         where, is_cut_off = f"the chunk at byte {record.data_at}", record.end > self._size
         try:
             raw = self._unpack(record, memoryview(_data(file, record)))
@@ -237,7 +237,7 @@ class RecordFile(ABC):
     def _by_index(
         self, raw: memoryview, entries: list[IndexEntry], wanted: Wanted
     ) -> Iterator[Message]:
-        """Messages found by the index; a record that contradicts the index is lost."""
+        """Messages located by the index; a record that contradicts the index is a lost message."""
         for entry in entries:
             topic = wanted(entry.channel)
             if topic is None:
@@ -253,7 +253,7 @@ class RecordFile(ABC):
             yield _whole(topic, Parsed(entry.channel, entry.time_ns, parsed.data))
 
     def _parsed(self, raw: memoryview) -> Iterator[Parsed]:
-        """The messages of an unpacked chunk, one after the other, or a BrokenBagError."""
+        """The messages of an unpacked chunk, one by one; damage raises BrokenBagError."""
         at = 0
         while at < len(raw):
             record = self._record_in(raw, at)

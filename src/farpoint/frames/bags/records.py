@@ -11,7 +11,7 @@ __all__ = ["Bag", "BrokenBagError", "Message", "Topic"]
 
 
 class BrokenBagError(Exception):
-    """Bytes of a bag violate its format. Never leaves this package."""
+    """Error: bytes of a bag violate the format. The package catches each such error."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,11 +28,11 @@ class Topic:
     encoding : str
         ``ros1``, ``cdr``, ``protobuf`` or ``json``.
     definition : str
-        Definition of the type, in ROS's language; empty where the bag has none.
+        Definition of the type, in ROS's language; empty if the bag has no definition.
     is_idl : bool
-        Whether the definition is in IDL.
+        Whether the definition is written in IDL.
     count : int or None
-        Number of messages; None where it is known only after reading the bag.
+        Number of messages; None if the number is known only after reading the bag.
     """
 
     name: str
@@ -50,13 +50,13 @@ class Message:
     Attributes
     ----------
     topic : Topic or None
-        None for a lost part of the bag with unknown topics.
+        Topic of the message; None for a lost part of the bag with unknown topics.
     time_ns : int or None
-        Time of recording, ns; None if it is lost.
+        Time of recording, ns; None if the time is lost.
     data : bytes or memoryview
-        Bytes of the message; empty if it is lost.
+        Bytes of the message; empty if the message is lost.
     fault : str or None
-        Reason of the loss.
+        Reason of the loss; None for a complete message.
     """
 
     topic: Topic | None
@@ -70,7 +70,7 @@ class Bag(Protocol):
 
     @property
     def path(self) -> Path:
-        """File or folder."""
+        """File or folder of the bag."""
         ...
 
     def topics(self) -> list[Topic]:
@@ -79,7 +79,7 @@ class Bag(Protocol):
         Raises
         ------
         InputError
-            If the file is no bag of its kind, or nothing of it can be read.
+            If the file is no bag of the expected kind, or is completely unreadable.
         """
         ...
 

@@ -34,7 +34,7 @@ _FIRST = 15
 
 @dataclass(frozen=True, kw_only=True)
 class BagImages:
-    """Images of a topic; reads one image at a time, and can be iterated again.
+    """Images of a topic, read one at a time. The object can be iterated repeatedly.
 
     Attributes
     ----------
@@ -45,11 +45,11 @@ class BagImages:
     name : str
         Name of the bag, without suffix.
     clock : HeaderClock
-        Clock from the first images; the start of each iteration.
+        Clock from the first images, with which each iteration starts.
     frame_id : str
         Frame id of the first image, which is the camera's optical frame.
     max_megapixels : float
-        Larger images are frames with a fault.
+        Size limit of an image. A larger image is a frame with a fault.
     """
 
     bag: Bag
@@ -62,24 +62,24 @@ class BagImages:
 
     @property
     def count(self) -> int | None:
-        """Number of messages, by the bag's own count."""
+        """Number of messages as counted in the bag; None if unknown."""
         return self.topic.count
 
     @property
     def timestamp_source(self) -> str:
-        """The headers, or the recording where these have no times."""
+        """Origin of the time stamps: headers, or the recording if the headers have no times."""
         what = "recording" if self.clock.offset_ns is None else "headers"
         return f"{what} of {self.topic.name}"
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """How deep samples become grey values."""
+        """A note about the mapping of samples of more than 8 bits to grey values, if necessary."""
         if kind_of(self.topic) in VIDEO:
             return ()
         return (self._deep.words,) if self._deep.words else ()
 
     def camera(self) -> Camera:
-        """The camera by the bag's own CameraInfo; an InputError if the images have none."""
+        """The camera from the CameraInfo in the bag; raises InputError if there is none."""
         return camera_of(self.bag, self.topic, self.frame_id)
 
     def __iter__(self) -> Iterator[Frame]:
@@ -124,7 +124,7 @@ class BagImages:
         yield from video.close()
 
     def _messages(self) -> Iterator[tuple[int, Any, str | None]]:
-        """Time of each message, ns, and the message or the reason why it is unreadable."""
+        """Time of each message, ns, and the message or the reason why the message is unreadable."""
         decode, clock = decoder_of(self.topic), replace(self.clock)
         for message in self.bag.messages((self.topic.name,)):
             found, fault = None, message.fault
@@ -141,7 +141,7 @@ class BagImages:
 
     @cached_property
     def _deep(self) -> GreyTable:
-        """The table for deep samples, from images throughout the bag."""
+        """Table for samples of more than 8 bits, from images throughout the bag."""
         return GreyTable.for_source(self._examples())
 
     def _examples(self) -> Iterator[np.ndarray]:
@@ -157,7 +157,7 @@ class BagImages:
 
 
 def open_bag_images(path: Path, topic: str | None) -> BagImages:
-    """Open the images of a bag; checks that there is at least one.
+    """Open the images of a bag, and check that there is at least one image.
 
     Parameters
     ----------
@@ -169,7 +169,8 @@ def open_bag_images(path: Path, topic: str | None) -> BagImages:
     Raises
     ------
     InputError
-        If it is no bag, or has no such images, or several image topics and none is named.
+        If ``path`` is no bag, if there are no such images, or if the bag has several image topics
+        and ``topic`` is None.
     """
     optional_import("cv2", extra="video", purpose="reading images")  # now, not in mid-run
     bag = open_bag(path)
@@ -187,7 +188,7 @@ def open_bag_images(path: Path, topic: str | None) -> BagImages:
 
 
 def _first(bag: Bag, topic: Topic) -> tuple[list[tuple[int, int | None]], list[str]]:
-    """Headers and recording times, ns, of the first messages, and the frames of these messages."""
+    """Header and recording times, ns, of the first messages, and frame ids of these messages."""
     decode, stamps, frames = decoder_of(topic), [], []
     for message in bag.messages((topic.name,)):
         if message.fault is None:

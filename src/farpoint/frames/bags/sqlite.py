@@ -34,7 +34,7 @@ class SqliteBag:
         self._topics: dict[int, Topic] = {}
 
     def topics(self) -> list[Topic]:
-        """Topics from the tables of the bag. A count is None if the messages cannot be counted."""
+        """Topics from the tables of the bag, with a count of None if counting fails."""
         with closing(self._connect()) as database:
             try:
                 definitions = self._definitions(database)
@@ -60,7 +60,7 @@ class SqliteBag:
         return list(self._topics.values())
 
     def messages(self, names: Collection[str]) -> Iterator[Message]:
-        """Messages of some topics; an unreadable row is skipped with a fault."""
+        """Messages of some topics; an unreadable row gives a lost message with a fault."""
         wanted = [number for number, topic in self._topics.items() if topic.name in names]
         if not wanted:
             return
@@ -122,7 +122,7 @@ class SqliteBag:
 
     @staticmethod
     def _definitions(database: sqlite3.Connection) -> dict[str, tuple[str, bool]]:
-        """Definition of each type, and whether it is in IDL; bags of older versions have none."""
+        """Definition of each type, and whether the language is IDL; empty for older bags."""
         try:
             rows = database.execute(
                 "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
@@ -133,9 +133,7 @@ class SqliteBag:
 
     @staticmethod
     def _counts(database: sqlite3.Connection) -> Counter[int] | None:
-        """Number of messages of each topic, counted row by row, so that memory does not grow with
-        the table.
-        """
+        """Number of messages of each topic, counted row by row to limit memory."""
         try:
             return Counter(
                 number for (number,) in database.execute("SELECT topic_id FROM messages")

@@ -18,12 +18,13 @@ _DEPTH = "/compressedDepth"  # a transport whose images are distances
 
 
 def image_topic(bag: Bag, name: str | None) -> Topic:
-    """The topic of the images: the named one, or the only one.
+    """The topic of the images: the named topic, or else the only image topic.
 
     Raises
     ------
     InputError
-        If there is none, or there are several; then it lists them with their counts.
+        If there is no such topic, or if no topic is named and the bag has several image topics. The
+        message lists the topics with their counts.
     """
     if name is not None:
         return topic_of_kind(bag, name, _IMAGES, "images", field="topic")
@@ -49,7 +50,7 @@ def topic_of_kind(bag: Bag, name: str, kinds: Collection[str], what: str, *, fie
     Raises
     ------
     InputError
-        If there is none; it lists those that there are.
+        If there is no such topic. The message lists the topics of these kinds.
     """
     plain = name.strip("/")
     of_kind = [topic for topic in bag.topics() if kind_of(topic) in kinds]
@@ -76,7 +77,9 @@ def rows_of(
     *,
     field: str,
 ) -> list[tuple[float, ...]]:
-    """Times, s, ascending, and the numbers of each message; damaged messages are left out.
+    """Time, s, and numbers of each message, in ascending order of time.
+
+    Damaged messages, and messages that are not later than the previous one, are left out.
 
     Parameters
     ----------
@@ -85,7 +88,7 @@ def rows_of(
     name : str
         Name of the topic.
     kinds : collection of str
-        Types that it may have.
+        Types that the topic may have.
     read : callable
         Returns the numbers of a message, or None if the message is not used.
     what : str
@@ -96,7 +99,7 @@ def rows_of(
     Raises
     ------
     InputError
-        If the bag has no topic of this name and kind; it lists those that it has.
+        If the bag has no topic of this name and kind. The message lists the topics of these kinds.
     """
     topic = topic_of_kind(bag, name, kinds, what, field=field)
     decode, last_ns = decoder_of(topic), -1
@@ -114,7 +117,7 @@ def rows_of(
 
 
 def _listed(topics: Collection[Topic]) -> str:
-    """Names with counts."""
+    """Names of topics with counts of messages, as text."""
     return ", ".join(f"{topic.name} ({_count(topic)})" for topic in topics) or "none"
 
 

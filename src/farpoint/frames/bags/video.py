@@ -1,4 +1,4 @@
-"""A topic of compressed video: each message is one picture, decoded after the earlier ones."""
+"""A topic of compressed video: each message is one picture, decoded after earlier messages."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class VideoTopic(Generic[Label]):
         self._count = 0
 
     def add(self, data: bytes, kind: str, label: Label) -> Iterator[Picture[Label]]:
-        """Pictures that the decoder returns for a message; ``label`` names them in messages."""
+        """Decode a message; returns finished pictures, each with the ``label`` of its message."""
         av = optional_import("av", extra="video", purpose="reading video")
         number, self._count = self._count, self._count + 1
         self._waiting.append((number, label))
@@ -60,13 +60,13 @@ class VideoTopic(Generic[Label]):
             yield from self._fail(self._waiting[0][0], "no picture came of it")
 
     def pass_over(self, label: Label, fault: str) -> Iterator[Picture[Label]]:
-        """A message that is lost."""
+        """Skip a lost message; returns the ``fault``, after those of earlier messages."""
         number, self._count = self._count, self._count + 1
         yield from self._until(number)
         yield Picture(label, None, fault)
 
     def close(self) -> Iterator[Picture[Label]]:
-        """Remaining pictures of the decoder."""
+        """Pictures that are still in the decoder, and faults of the remaining messages."""
         if self._codec is not None:
             av = optional_import("av", extra="video", purpose="reading video")
             with suppress(av.FFmpegError):
@@ -87,7 +87,7 @@ class VideoTopic(Generic[Label]):
                 yield Picture(label, self._grey(picture), None)
 
     def _until(self, number: int) -> Iterator[Picture[Label]]:
-        """Messages before this one gave no picture."""
+        """Faults of the messages before ``number`` that gave no picture."""
         while self._waiting and self._waiting[0][0] < number:
             yield Picture(self._waiting.popleft()[1], None, "no picture came of it")
 

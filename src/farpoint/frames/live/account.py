@@ -18,17 +18,17 @@ class LiveAccount:
     taken : int
         Frames that were processed.
     dropped : int
-        Frames replaced by a newer one before they were processed, or left at the end.
+        Frames that were not processed, because a newer frame arrived or the session ended.
     broken : int
         Frames that could not be decoded.
     waiting : int
         1 if the newest frame has not been processed, otherwise 0.
     disconnects : int
-        How often the source was lost: it ended, stayed silent, or raised an error.
+        Number of times the source was lost: the source ended, sent no frames, or raised an error.
     reconnects : int
-        How often the source was opened again.
+        Number of times the source was opened again.
     longest_silence_s : float
-        Longest time between two frames, or since the last one.
+        Longest time between two frames, or time since the last frame if longer.
     last_fault : str or None
         Reason of the last loss of the source.
     """

@@ -27,12 +27,12 @@ class LiveFrame:
     Attributes
     ----------
     frame : Frame
-        Frame with an image. Its index counts the frames that the source delivered over all
-        connections; gaps are dropped or broken frames.
+        Frame with an image. The index counts the frames that the source delivered over all
+        connections. Missing indices belong to dropped or broken frames.
     arrived_s : float
         Time of arrival on the monotonic clock, s.
     dropped : int
-        Number of frames dropped since the last one taken.
+        Number of frames dropped since the previous call of `Capture.take` that returned a frame.
     """
 
     frame: Frame
@@ -41,21 +41,22 @@ class LiveFrame:
 
 
 class Capture:
-    """Reader of a live source that never blocks the source; it keeps the newest frame only.
+    """Reader of a live source that never blocks the source and keeps only the newest frame.
 
-    If the source is lost (a camera is unplugged, a stream breaks off), it is opened again, twice a
-    second, until it returns or the session ends. As a context manager the capture stops at the end
-    of the block; if the source hangs, the thread is abandoned after 2 s.
+    If the source is lost (a camera is unplugged, a stream breaks off), the thread tries twice a
+    second to open the source again, until the source is open or the session ends. An object of this
+    class is a context manager that stops the capture at the end of the block. If the source hangs,
+    the thread is abandoned after 2 s.
 
     Parameters
     ----------
     source : LiveSource
-        Source that is opened here, and again in the thread after it was lost.
+        Source, opened by the constructor, and opened again by the thread if the source is lost.
 
     Raises
     ------
     InputError
-        If the source cannot be opened at first.
+        If the constructor cannot open the source.
     """
 
     def __init__(self, source: LiveSource) -> None:
@@ -94,7 +95,7 @@ class Capture:
 
     @property
     def connected(self) -> bool:
-        """Whether the source is open, even if it is silent."""
+        """Whether the source is open, even if no frames arrive."""
         return self._connected
 
     @property
@@ -113,7 +114,7 @@ class Capture:
             return taken
 
     def peek(self, timeout_s: float) -> Frame | None:
-        """The newest frame, which stays in the buffer; None if no frame arrives in time."""
+        """Return the newest frame, which stays in the buffer; None if no frame arrives in time."""
         with self._changed:
             self._wait(timeout_s)
             return None if self._slot is None else self._slot.frame
@@ -158,7 +159,7 @@ class Capture:
                 self._changed.notify_all()
 
     def _read(self, source: FrameSource) -> str | None:
-        """Deliver frames until the source or the session ends; returns a fault that ended it."""
+        """Deliver frames until the source or the session ends; returns the fault of the source."""
         fault = None
         try:
             for frame in source:

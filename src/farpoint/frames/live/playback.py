@@ -35,11 +35,11 @@ class Fault:
 
 
 class Stall(Fault):
-    """No frames, but the source stays connected."""
+    """The source sends no frames but stays connected."""
 
 
 class Black(Fault):
-    """Black frames."""
+    """The source sends black frames."""
 
 
 class Disconnect(Fault):
@@ -53,18 +53,19 @@ class Playback:
     Parameters
     ----------
     frames : iterable of Frame
-        The recording; iterated again for every loop.
+        The recording, which is iterated again for every loop.
     endless : bool
-        Whether its end counts as a disconnection.
+        Whether the end of the recording counts as a disconnection.
     loop : bool
-        Start again at the end.
+        Whether to start the recording again at its end.
     faults : tuple of Fault
         Simulated faults of the source.
 
     Attributes
     ----------
     delivered, black : int
-        Number of frames delivered, and of black ones, for comparison with the counts of a session.
+        Number of delivered frames, and number of black frames among these, for comparison with the
+        counts of a session.
     """
 
     frames: Iterable[Frame]

@@ -19,25 +19,23 @@ class LiveSource(Protocol):
 
     @property
     def endless(self) -> bool:
-        """Whether the end of the source is a fault (an unplugged camera), not the end of a
-        recording.
-        """
+        """Whether the end of the source is a fault (an unplugged camera), not a recording's end."""
         ...
 
     def open(self) -> FrameSource:
-        """Open it, or open it again.
+        """Open the source, or open the source again.
 
         Raises
         ------
         InputError
-            If it cannot be opened now.
+            If the source cannot be opened now.
         """
         ...
 
 
 @dataclass(kw_only=True, eq=False)
 class Device:
-    """A camera index or a URL.
+    """A camera or a stream, given by a camera index or a URL.
 
     Parameters
     ----------
@@ -49,7 +47,7 @@ class Device:
     Attributes
     ----------
     endless : bool
-        False once a URL has turned out to be a recording, which has an end.
+        Whether the source has no end; False after `open` has found a recording at a URL.
     """
 
     source: str

@@ -1,9 +1,10 @@
 """Poses, motions and their covariances in the axes and the order of ROS.
 
 farpoint's camera axes are those of ROS's optical frames: x right, y down, z forward. A body frame
-(REP 103) has x forward, y left, z up. The world of a path, the axes of its first camera, becomes
-the frame ``odom`` (REP 105): the axes of the first body. The body has the position of the camera,
-with rotated axes.
+(REP 103) has x forward, y left, z up. The body is at the position of the camera; the axes of the
+body are rotated camera axes. The world frame of a path has the axes of the first camera. In the
+messages, the frame ``odom`` (REP 105), which has the axes of the first body, replaces the world
+frame.
 """
 
 from __future__ import annotations
@@ -28,16 +29,16 @@ _NEGLIGIBLE = 1e-17
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Twist:
-    """Velocity of a body, in its own axes.
+    """Velocity of a body, in the axes of the body.
 
     Attributes
     ----------
     linear : ndarray, shape (3,)
-        Per second, in the unit of the length that was given.
+        Linear velocity, per second, in the unit of the length that was given to `motion_twist`.
     angular : ndarray, shape (3,)
-        rad/s.
+        Angular velocity, rad/s.
     covariance : ndarray, shape (6, 6)
-        Covariance of ``[linear, angular]``, ROS's order.
+        Covariance of ``[linear, angular]``, which is ROS's order.
     """
 
     linear: np.ndarray
@@ -46,7 +47,7 @@ class Twist:
 
 
 def odom_from_body(world_from_cam: np.ndarray) -> np.ndarray:
-    """Pose (4, 4) of the body in ``odom`` by the camera's pose in the world."""
+    """Pose (4, 4) of the body in ``odom``, from the camera's pose in the world."""
     pose = np.eye(4)
     pose[:3, :3] = BODY_FROM_OPTICAL @ world_from_cam[:3, :3] @ BODY_FROM_OPTICAL.T
     pose[:3, 3] = BODY_FROM_OPTICAL @ world_from_cam[:3, 3]
@@ -54,13 +55,13 @@ def odom_from_body(world_from_cam: np.ndarray) -> np.ndarray:
 
 
 def pose_covariance(world_covariance: np.ndarray) -> np.ndarray:
-    """Covariance (6, 6) of ``[x, y, z, rotation about X, Y, Z]``, fixed axes of ``odom``.
+    """Covariance (6, 6) of ``[x, y, z, rotation about X, Y, Z]`` in the fixed axes of ``odom``.
 
     Parameters
     ----------
     world_covariance : ndarray, shape (6, 6) or (7, 7)
         Covariance of ``[dtheta, dposition]`` in world axes, ``R_true = Exp(dtheta) @ R``; a seventh
-        row is left out.
+        row and column are left out.
     """
     order = [3, 4, 5, 0, 1, 2]
     return _ADJOINT @ world_covariance[np.ix_(order, order)] @ _ADJOINT.T
@@ -74,7 +75,7 @@ def motion_twist(
     *,
     lever: np.ndarray | None = None,
 ) -> Twist:
-    """The constant velocity of the body that takes camera 0 to camera 1.
+    """The constant velocity with which the body moves from camera 0 to camera 1.
 
     ``X_cam1 = R X_cam0 + t``, and ``T_cam0_from_cam1 = exp(twist * seconds)``.
 
@@ -82,12 +83,12 @@ def motion_twist(
     ----------
     rotation_cam1_from_cam0 : ndarray, shape (3, 3)
     translation : ndarray, shape (3,)
-        ``t``, in camera 1.
+        ``t``, in the axes of camera 1.
     covariance : ndarray, shape (6, 6)
-        Covariance of ``[dtheta, dt]``: ``R_true = Exp(dtheta) R`` and ``t_true = t + dt``, in
-        camera 1.
+        Covariance of ``[dtheta, dt]``: ``R_true = Exp(dtheta) R`` and ``t_true = t + dt``, in the
+        axes of camera 1.
     seconds : float
-        Between the two, positive.
+        Time between camera 0 and camera 1, s; positive.
     lever : ndarray, shape (3,), optional
         Lever arm of the rotation error; ``t`` by default.
     """
@@ -112,9 +113,10 @@ def motion_twist(
 
 
 def _left_jacobian_inverse(adjoint: np.ndarray) -> np.ndarray:
-    """Sum of ``B_n / n! adjoint^n`` with Bernoulli's numbers: of SO(3) by 3x3, of SE(3) by 6x6.
+    """Inverse left Jacobian: for SO(3) if ``adjoint`` is 3x3, for SE(3) if ``adjoint`` is 6x6.
 
-    T. Barfoot, State Estimation for Robotics, 7.1.5.
+    The result is the sum of ``B_n / n! adjoint^n`` over n, with Bernoulli's numbers ``B_n`` (T.
+    Barfoot, State Estimation for Robotics, 7.1.5).
     """
     total, power = np.zeros_like(adjoint), np.eye(len(adjoint))
     for n, number in enumerate(_bernoulli()):

@@ -33,7 +33,7 @@ class Length:
     sigma : float
         1-sigma of ``value``.
     lever : float
-        Lever arm of the errors of direction and rotation: at least this length.
+        Lever arm of the errors of direction and rotation; at least ``value``.
     """
 
     value: float
@@ -42,7 +42,7 @@ class Length:
 
 
 def length_in_units(result: OdometryResult, seconds: float) -> Length:
-    """Length in the unit of the path; unknown if the path has no scale."""
+    """Length of a motion in the unit of the path; unknown if the path has no scale."""
     if result.scale is None:
         return _unknown(0.0, seconds)
     return Length(value=result.scale, sigma=result.scale_sigma or 0.0, lever=result.scale)
@@ -51,7 +51,7 @@ def length_in_units(result: OdometryResult, seconds: float) -> Length:
 def length_in_metres(
     result: OdometryResult, metres: MetricEstimate | None, seconds: float
 ) -> Length:
-    """In metres; unknown without an aiding measurement or a scale."""
+    """Length of a motion in metres; unknown without an aiding measurement or a scale."""
     if result.scale is None or metres is None:
         return _unknown(result.scale or 0.0, seconds)
     factor = metres.metres_per_unit
@@ -66,13 +66,13 @@ def _unknown(value: float, seconds: float) -> Length:
 
 
 class MetricPath:
-    """Poses during a run, in metres from the first estimate of the scale on.
+    """Poses during a run. Lengths are in metres after the first estimate of the metric scale.
 
     Parameters
     ----------
     metres : callable or None
-        Returns the current estimate. None without aiding measurements: lengths are then in the unit
-        of the path.
+        Returns the current estimate of metres per unit. Without aiding measurements the argument is
+        None, and lengths are in the unit of the path.
     """
 
     def __init__(self, metres: Callable[[], MetricEstimate | None] | None) -> None:
@@ -91,7 +91,7 @@ class MetricPath:
     def add(self, result: OdometryResult) -> tuple[np.ndarray, np.ndarray]:
         """Pose (4, 4) ``world_from_cam`` and covariance (7, 7) in the format of `OdometryResult`.
 
-        After a break of the path the pose is unknown; the covariance is then very large.
+        After a break of the path the pose is unknown, so the covariance is very large.
         """
         pose, now = result.world_from_cam.copy(), self.estimate
         place = pose[:3, 3].copy()

@@ -1,4 +1,4 @@
-"""MCAP file that grows by whole chunks with their index. The summary is written at the end.
+"""MCAP file that grows by whole chunks and their indexes. The summary is written at the end.
 
 https://mcap.dev/spec
 """
@@ -32,17 +32,17 @@ class Channel:
 
 
 class McapFile:
-    """Writer of ROS 2 messages; every chunk is in the file completely or not at all.
+    """Writer of ROS 2 messages. Every chunk is in the file completely or not at all.
 
     Parameters
     ----------
     path : Path
-        Replaced if it exists.
+        The file; an existing file is replaced.
 
     Raises
     ------
     InputError
-        If the file cannot be written, also later.
+        If the file cannot be written. Methods also raise this error.
     """
 
     def __init__(self, path: Path) -> None:
@@ -62,7 +62,7 @@ class McapFile:
     def add_channel(
         self, topic: str, type_name: str, definition: str, qos: str | None = None
     ) -> Channel:
-        """A topic for messages of a type, with its definition and the publisher's QoS, as YAML."""
+        """Add a topic, with the definition of the message type and the publisher's QoS as YAML."""
         declared = b""
         if type_name not in self._schemas:
             number = len(self._schemas) + 1
@@ -92,7 +92,7 @@ class McapFile:
         return channel
 
     def write(self, channel: Channel, time_ns: int, data: bytes | memoryview) -> None:
-        """Add a message in CDR, with its time, ns."""
+        """Add a message: bytes in CDR, and the time, ns."""
         self._index[channel.number].append((time_ns, len(self._chunk)))
         count = self._counts[channel.number]
         envelope = struct.pack("<HIQQ", channel.number, count & 0xFFFFFFFF, time_ns, time_ns)

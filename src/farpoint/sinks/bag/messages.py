@@ -1,4 +1,4 @@
-"""Messages of ROS 2 out of plain numbers, by rosbags' types."""
+"""ROS 2 messages made from plain numbers with the types of rosbags."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _RATIONAL = 5  # largest number of coefficients of a plumb bob
 
 
 class Messages:
-    """Makes messages, and their bytes in CDR."""
+    """Makes ROS 2 messages, and converts messages to bytes in CDR."""
 
     def __init__(self) -> None:
         typesys = optional_import("rosbags.typesys", extra="ros", purpose="writing a bag")
@@ -113,7 +113,7 @@ class Messages:
     def diagnostics(
         self, header: Any, level: int, text: str, values: Sequence[tuple[str, str]]
     ) -> Any:
-        """``diagnostic_msgs/DiagnosticArray`` with one status: 0 well, 1 warning, 2 error."""
+        """``diagnostic_msgs/DiagnosticArray`` with one status: 0 OK, 1 warning, 2 error."""
         status = self._make(
             "diagnostic_msgs/DiagnosticStatus",
             level=level,
@@ -152,5 +152,5 @@ def _xyz(vector: np.ndarray) -> dict[str, float]:
 
 
 def _flat(covariance: np.ndarray) -> np.ndarray:
-    """By rows, symmetric to the last bit."""
+    """The elements of a covariance row by row, made exactly symmetric."""
     return (0.5 * (covariance + covariance.T)).ravel()

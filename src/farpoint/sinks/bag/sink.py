@@ -1,4 +1,4 @@
-"""The sink ``--bag FILE``: motions and poses as messages for filters and pose graphs of ROS."""
+"""The sink ``--bag FILE``: motions and poses as messages for filters and pose graphs in ROS."""
 
 from __future__ import annotations
 
@@ -62,21 +62,21 @@ class BagSink:
     Parameters
     ----------
     path : Path
-        Replaced if it exists.
+        The file; an existing file is replaced.
     camera : callable
         Returns the current estimate of the camera.
     metres : callable, optional
-        Returns the current estimate of metres per unit, None before the first reading. Without this
-        argument lengths of poses are in the unit of the path, and speeds are unknown.
+        Returns the current estimate of metres per unit, or None before the first reading. Without
+        this argument positions are in the unit of the path, and speeds are unknown.
     stamp_ns : callable, optional
-        Returns the time of the current frame, ns, or None if the source has no times in ns. A float
-        of seconds since 1970 has a resolution of 0.12 us, and ROS looks up transforms by exact
-        times.
+        Returns the time of the current frame, ns, or None if the source has no times in ns. ROS
+        looks up transforms by exact times, but a float of seconds since 1970 has a resolution of
+        0.12 us only.
 
     Raises
     ------
     InputError
-        If the file cannot be written, also later.
+        If the file cannot be written. Methods also raise this error.
     MissingExtraError
         If rosbags is not installed.
     """
@@ -170,7 +170,7 @@ class BagSink:
 
 
 def _twist(pose: RelativePose | None, length: Length, seconds: float) -> Twist | None:
-    """The velocity of a motion; None if it is unknown."""
+    """The velocity of a motion; None if unknown."""
     if pose is None or pose.rotation_cam1_from_cam0 is None or not seconds > 0.0:
         return None
     covariance, lever = np.zeros((6, 6)), np.zeros(3)
@@ -196,6 +196,6 @@ def _twist(pose: RelativePose | None, length: Length, seconds: float) -> Twist |
 
 
 def _no_twist() -> Twist:
-    """Of a frame without a motion."""
+    """The velocity that stands for a frame without a motion."""
     unknown = np.diag([UNKNOWN_SPEED**2] * 3 + [np.pi**2 * 100.0] * 3)
     return Twist(linear=np.zeros(3), angular=np.zeros(3), covariance=unknown)

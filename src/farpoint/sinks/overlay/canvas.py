@@ -1,4 +1,4 @@
-"""Drawing in pixel coordinates of the camera, independent of the size of the picture."""
+"""Drawing in the camera's pixel coordinates, independent of the size of the picture."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _REACH_PX = 16384.0  # beyond this OpenCV's fixed-point coordinates come near to
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Canvas:
-    """A pane of the picture that takes the camera's pixel coordinates.
+    """A pane of the picture, drawn on in the camera's pixel coordinates.
 
     Attributes
     ----------
@@ -39,11 +39,11 @@ class Canvas:
     palette: Palette
 
     def to_pane(self, points_px: np.ndarray) -> np.ndarray:
-        """Pane coordinates of camera pixels (..., 2); both count from the first pixel's centre."""
+        """Pane coordinates of camera pixels (..., 2); (0, 0) is the first pixel's centre."""
         return (points_px + 0.5) * self.scale - 0.5
 
     def path(self, points_px: np.ndarray, colour: Colour, thickness: int = 0) -> None:
-        """Draw a line through camera pixels (K, 2), broken at points that are NaN or far off."""
+        """Draw a line through camera pixels (K, 2), broken at points NaN or far outside."""
         points = self.to_pane(points_px)
         near = np.all(np.abs(points) < _REACH_PX, axis=1)
         breaks = np.flatnonzero(np.diff(near)) + 1
@@ -52,35 +52,34 @@ class Canvas:
         self._lines(pieces[first::2], colour, thickness)
 
     def segments(self, ends_px: np.ndarray, colour: Colour, thickness: int = 0) -> None:
-        """Draw lines between camera pixels (N, 2, 2), except those with a point that is NaN or far
-        off.
-        """
+        """Draw lines between camera pixels (N, 2, 2), unless an end is NaN or far outside."""
         ends = self.to_pane(ends_px)
         ends = ends[(np.abs(ends) < _REACH_PX).all(axis=(1, 2))]
         self._lines(list(_fixed(ends)), colour, thickness)
 
     def dots(self, points_px: np.ndarray, colour: Colour, radius: float) -> None:
-        """Draw filled discs at camera pixels (N, 2); the radius is in strokes."""
+        """Draw filled discs at camera pixels (N, 2); the radius is in units of `stroke`."""
         # A frame has hundreds of them: OpenCV would take half of the drawing's time.
         draw_discs(self.pixels, self._seen(points_px), radius * self.stroke, colour)
 
     def rings(self, points_px: np.ndarray, colour: Colour, radius: float) -> None:
-        """Circles around camera pixels (N, 2); the radius is in strokes."""
+        """Draw circles around camera pixels (N, 2); the radius is in units of `stroke`."""
         cv2 = _cv2()
         size = int(_fixed(radius * self.stroke))
         for centre in _fixed(self._seen(points_px)).tolist():
             cv2.circle(self.pixels, centre, size, colour, self.stroke, cv2.LINE_AA, _SHIFT)
 
     def holes(self, points_px: np.ndarray, colour: Colour, radius: float) -> None:
-        """Draw thick dark rings at camera pixels (N, 2); the radius is in strokes."""
+        """Draw thick dark rings at camera pixels (N, 2); the radius is in units of `stroke`."""
         self.dots(points_px, colour, radius)
         self.dots(points_px, BACKGROUND, 0.5 * radius)
 
     def crosses(
         self, points_px: np.ndarray, colour: Colour, reach: float, *, slanting: bool = False
     ) -> None:
-        """Draw upright or slanting crosses at camera pixels (N, 2); the length of an arm is in
-        strokes.
+        """Draw upright or slanting crosses at camera pixels (N, 2).
+
+        ``reach`` is the length of an arm in units of `stroke`.
         """
         arm = reach * self.stroke / self.scale
         arms = np.array([[1.0, 1.0], [1.0, -1.0]]) * np.sqrt(0.5) if slanting else np.eye(2)
@@ -93,7 +92,7 @@ class Canvas:
         cv2.polylines(self.pixels, lines, False, colour, thickness, cv2.LINE_AA, _SHIFT)
 
     def _seen(self, points_px: np.ndarray) -> np.ndarray:
-        """Pane coordinates of those camera pixels (N, 2) that are neither NaN nor far off."""
+        """Pane coordinates of those camera pixels (N, 2) that are neither NaN nor far outside."""
         points = self.to_pane(points_px)
         return points[(np.abs(points) < _REACH_PX).all(axis=1)]
 
@@ -108,7 +107,7 @@ def draw_text(
     *,
     bold: bool = False,
 ) -> None:
-    """Write on (H, W, 3) pixels; `height` is that of a capital letter, px."""
+    """Write on pixels (H, W, 3); `height` is the height of a capital letter, px."""
     cv2 = _cv2()
     font = cv2.FONT_HERSHEY_DUPLEX if bold else cv2.FONT_HERSHEY_SIMPLEX
     place = (round(left), round(baseline))

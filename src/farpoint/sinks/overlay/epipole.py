@@ -1,4 +1,4 @@
-"""Epipole, its antipode and their 95 % regions in the image."""
+"""Epipole and antipode of the epipole in the image, with 95 % regions."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ class EpipoleView:
     heading : ndarray, shape (3,)
         Direction of travel in camera 0.
     ahead_px, behind_px : ndarray, shape (2,), or None
-        Pixels of the epipole (direction of travel) and of its antipode in image 0; None outside of
-        the image. A wide lens may see both.
+        Pixels of the epipole (direction of travel) and of its antipode in image 0; None if outside
+        of the image. A wide lens may see the epipole and the antipode.
     ring_px : ndarray, shape (K, 2)
-        Boundary of the heading's 95 % region and of its mirror image behind, as far as the lens
-        sees them; a row of NaN begins a new piece.
+        Boundary of the heading's 95 % region and of the opposite region around the antipode, as far
+        as the lens sees these boundaries. A row of NaN begins a new piece.
     """
 
     heading: np.ndarray
@@ -40,7 +40,7 @@ class EpipoleView:
 
 
 def view_epipole(pose: RelativePose, camera: Camera, size: tuple[int, int]) -> EpipoleView | None:
-    """The epipole of a pose in an image of size (width, height); None without a direction."""
+    """The epipole in an image of size (width, height); None if the direction is unknown."""
     heading, ring = pose.heading_cam0, pose.heading_region(0.95)
     if heading is None or ring is None:
         return None
@@ -59,7 +59,7 @@ def view_epipole(pose: RelativePose, camera: Camera, size: tuple[int, int]) -> E
 
 
 def _outline(camera: Camera, ring: np.ndarray) -> np.ndarray:
-    """Image of a closed ring of rays (K, 3), (M, 2) px."""
+    """Image (M, 2), px, of a closed ring of rays (K, 3)."""
     pixels = camera.project(ring)
     steps = np.linalg.norm(np.diff(pixels, axis=0), axis=1)
     # A small ring in the middle of the view needs no finer steps, and has to keep those it has.

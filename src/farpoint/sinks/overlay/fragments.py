@@ -15,15 +15,16 @@ _LAST_OF_FRAGMENT = b"mdat"
 
 
 class FragmentFile:
-    """File that receives an MP4 from PyAV in pieces of any size, and adds whole fragments.
+    """File that receives an MP4 from PyAV in pieces of any size, and stores whole fragments.
 
-    The file is created with its first fragment. If a fragment cannot be written, the file ends
-    before it, so the video plays up to there; `raise_problem` raises the cause.
+    The file is created together with the first fragment. If a fragment cannot be written, the file
+    ends before that fragment, and the earlier fragments can be played. `raise_problem` raises the
+    cause.
 
     Parameters
     ----------
     path : Path
-        Replaced if it exists.
+        The file; an existing file is replaced.
     """
 
     def __init__(self, path: Path) -> None:
@@ -51,7 +52,7 @@ class FragmentFile:
             raise problem
 
     def close(self) -> None:
-        """Add what comes after the last fragment, and close the file."""
+        """Add the data after the last fragment, and close the file."""
         if self._file is None:
             return
         if not self._ended and self._next == len(self._waiting):  # no box is cut
@@ -62,11 +63,11 @@ class FragmentFile:
         self._identity = _identity(self._path) if at_its_path else None
 
     def is_at_its_path(self) -> bool:
-        """Whether the closed file is still at its path; a later run may have replaced it."""
+        """Whether the closed file is still at ``path``: a later run may have replaced the file."""
         return self._identity is not None and self._identity == _identity(self._path)
 
     def _skip_box(self) -> bytes | None:
-        """Type of the next box, if all of it is there."""
+        """Skip the next box of the MP4 and return its type; None if the box is incomplete."""
         header = self._waiting[self._next : self._next + _LONG_HEADER]
         size = int.from_bytes(header[:_SIZE], "big")
         if size == 1:  # the true size follows the type

@@ -1,4 +1,4 @@
-"""Layout of the picture: two panes, and the values below them."""
+"""Layout of the picture: two panes, and a panel of values below the panes."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ _PANEL_LINES = 6.8
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """Sizes in the picture, px. All sizes are even, because H.264 in 4:2:0 requires it.
+    """Sizes in the picture, px. All sizes are even, because H.264 in 4:2:0 requires even sizes.
 
     Attributes
     ----------
     stacked : bool
-        Whether the panes are one above the other (wide images) or side by side.
+        True if the panes are one above the other (for wide images), False if side by side.
     pane : (width, height)
         Size of each of the two panes.
     panel_height : int
-        Height of the values below the panes.
+        Height of the panel below the panes.
     """
 
     stacked: bool

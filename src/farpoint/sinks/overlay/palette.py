@@ -31,16 +31,16 @@ WHITE: Colour = (242, 242, 242)
 
 @dataclass(frozen=True, kw_only=True)
 class Palette:
-    """Colours of the display's classes; shapes differ as well.
+    """Colours of the classes in the display. The classes also differ in shape.
 
     Attributes
     ----------
     far, near, outlier : Colour
-        Colours of matches, by their label.
+        Colours of matches with the labels far, near and outlier.
     heading : Colour
-        Colour of the region that holds the epipole.
+        Colour of the 95 % region of the epipole.
     good, partial, still, bad : Colour
-        Behind the words OK, ROTATION_ONLY, STATIC and FAILED.
+        Background colours of the words OK, ROTATION_ONLY, STATIC and FAILED.
     """
 
     far: Colour

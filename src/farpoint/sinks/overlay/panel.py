@@ -1,4 +1,4 @@
-"""The panel below the panes: status, rotation, heading and matches, with their 1-sigma."""
+"""The panel below the panes: status, matches, and rotation and heading with 1-sigma."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def _draw_verdict(
     line_px: float,
     palette: Palette,
 ) -> None:
-    """Draw the status as a coloured label, the frames, and below them the reason."""
+    """Draw the status as a coloured label and the frame numbers, and below the label the reason."""
     capital, word = 0.5 * line_px, pose.status.value
     width = text_width(word, capital, bold=True) + line_px
     top, left = 0.35 * line_px, 0.4 * line_px
@@ -129,14 +129,14 @@ def _write(
     *,
     to_the_left: bool = False,
 ) -> None:
-    """Draw text whose baseline and left (or right) end are given in lines."""
+    """Draw a text; its baseline and its left (or right) end are given in units of ``line_px``."""
     capital = 0.46 * line_px
     start = left * line_px - (text_width(text, capital) if to_the_left else 0)
     draw_text(pixels, text, start, line * line_px, capital, colour)
 
 
 def _shortened(text: str, width_px: float, capital: float) -> str:
-    """The text, cut after a word if it is wider than the space."""
+    """The text, cut after a word if the text is wider than ``width_px``."""
     if text_width(text, capital) <= width_px:
         return text
     words = text.split()

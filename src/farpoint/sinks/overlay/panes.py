@@ -23,7 +23,7 @@ _ARROW_REACH = 0.95  # how far out the arrow's tip stands, as a part of the way 
 def draw_points_pane(
     canvas: Canvas, result: OdometryResult, camera: Camera, line_px: float
 ) -> None:
-    """Tracks over the newer image: far rings, near discs, outliers crosses."""
+    """Draw tracks over the newer image: far points as rings, near as discs, outliers as crosses."""
     tracks = result.tracks
     if result.pose is not None and len(tracks):
         _draw_matches(canvas, result.pose, camera, tracks.points0, tracks.points1)
@@ -37,7 +37,7 @@ def draw_flow_pane(
     size: tuple[int, int],
     line_px: float,
 ) -> None:
-    """Draw the flow without the rotation, in pixels of the older image, and the epipole."""
+    """Draw the epipole, and the flow without the rotation, in pixels of the older image."""
     pose = result.pose
     if pose is None or pose.rotation_cam1_from_cam0 is None:
         _caption(canvas, "translational flow (rotation removed)", line_px, top=True)
@@ -61,7 +61,7 @@ _DRAWN_IN_ORDER = (TrackLabel.OUTLIER, TrackLabel.FAR, TrackLabel.NEAR)
 def _draw_matches(
     canvas: Canvas, pose: RelativePose, camera: Camera, tails: np.ndarray, heads: np.ndarray
 ) -> None:
-    """Draw a line and a marker for each match; a bent line follows its great circle."""
+    """Draw a line (a great circle if the lens bends lines) and a marker for each match."""
     for label in _DRAWN_IN_ORDER:
         chosen = pose.labels == label
         colour = _colour(canvas, label)
@@ -75,7 +75,7 @@ def _draw_matches(
 
 
 def _is_curved(camera: Camera) -> bool:
-    """Whether straight lines in space are curved in the picture, or may cross its seam."""
+    """Whether straight lines in space are curved in the picture, or may cross a picture's seam."""
     return not isinstance(camera.model, Pinhole)
 
 
@@ -89,7 +89,7 @@ def _colour(canvas: Canvas, label: TrackLabel) -> tuple[int, int, int]:
 
 
 def _draw_heads(canvas: Canvas, heads: np.ndarray, label: TrackLabel) -> None:
-    """Draw a marker of another shape for each label, so that labels differ not only in colour."""
+    """Draw markers whose shape depends on the label, so that labels differ not only in colour."""
     colour = _colour(canvas, label)
     if label is TrackLabel.OUTLIER:
         canvas.crosses(heads, colour, 3.0)
@@ -100,7 +100,7 @@ def _draw_heads(canvas: Canvas, heads: np.ndarray, label: TrackLabel) -> None:
 
 
 def _draw_epipole(canvas: Canvas, view: EpipoleView, camera: Camera) -> None:
-    """Draw both ends of the line of travel, and on top the 95 % region, which may be small."""
+    """Draw epipole and antipode, and on top the 95 % region, because the region may be small."""
     if view.ahead_px is None and view.behind_px is None:
         _draw_border_arrow(canvas, view, camera)
     if view.behind_px is not None:
@@ -111,7 +111,7 @@ def _draw_epipole(canvas: Canvas, view: EpipoleView, camera: Camera) -> None:
 
 
 def _draw_marker(canvas: Canvas, pixel: np.ndarray, *, slanting: bool) -> None:
-    """Draw the circle with a cross, with a dark outline, so that it is visible on any flow."""
+    """Draw a circle with a cross. The dark outline makes the marker visible on any flow."""
     centre = pixel[None]
     for colour, width in ((BACKGROUND, 3), (WHITE, 1)):
         heavy = replace(canvas, stroke=width * canvas.stroke)
@@ -120,7 +120,7 @@ def _draw_marker(canvas: Canvas, pixel: np.ndarray, *, slanting: bool) -> None:
 
 
 def _draw_border_arrow(canvas: Canvas, view: EpipoleView, camera: Camera) -> None:
-    """An arrow at the pane's border, towards where the camera travels."""
+    """Draw an arrow at the pane's border that points in the direction of travel."""
     far_corner = np.array(canvas.pixels.shape[1::-1]) / canvas.scale - 0.5
     axis_px = camera.project(np.array([[0.0, 0.0, 1.0]]))[0]
     middle = axis_px if np.isfinite(axis_px).all() else far_corner / 2.0

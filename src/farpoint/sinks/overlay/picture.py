@@ -32,35 +32,37 @@ def draw_overlay(
     """Draw the display of the method in the style of the paper's screenshots.
 
     The left pane is the newer image with its tracks (far red, near green, outliers grey). The right
-    pane is the translational flow in pixels of the older image, along great circles if the lens
-    bends them. The epipole is a circle with a cross inside its 95 % ellipse, and the opposite end
-    of the line of travel is a circle with a slanting cross. If both ends are outside the image, an
-    arrow at the border points to the epipole. The panel below has the motion with its 1-sigma.
+    pane is the translational flow in pixels of the older image; flow lines are great circles if the
+    lens bends lines. The epipole is a circle with a cross inside its 95 % ellipse, and the opposite
+    end of the line of travel is a circle with a slanting cross. If the epipole and the opposite end
+    are outside the image, an arrow at the border points to the epipole. The panel below has the
+    motion with its 1-sigma.
 
     Parameters
     ----------
     image : ndarray of uint8, shape (height, width) or (height, width, 3), or None
-        The newer frame, grey or RGB; None where it could not be decoded. An image of another size
-        than the camera's is stretched to it.
+        The newer frame, grey or RGB; None if the frame could not be decoded. An image of another
+        size is stretched to the camera's size.
     result : OdometryResult
         Result of the frame.
     camera : Camera
         The camera of both frames.
     palette : {"red-green", "orange-blue"}
-        The second is distinct with any kind of colour vision: far orange, near blue.
+        The colours of ``orange-blue`` (far orange, near blue) are distinct with any kind of colour
+        vision.
     mask : ndarray of bool, shape (height, width), optional
-        True where the image is used: the rest is darkened and hatched. One of another size is
-        stretched, as the image is.
+        True where the image is used. Other parts are darkened and hatched. A mask of another size
+        is stretched to the camera's size.
 
     Returns
     -------
     ndarray of uint8, shape (H, W, 3)
-        RGB. Both sides are even and depend on the camera's image size alone.
+        The picture, RGB. Width and height are even and depend on the camera's image size alone.
 
     Raises
     ------
     InputError
-        If neither the camera nor the image has a size, or there is no such palette.
+        If neither the camera nor the image has a size, or if there is no such palette.
     """
     if palette not in PALETTES:
         raise InputError(f"expected one of {', '.join(PALETTES)}, got {palette!r}", field="palette")
@@ -107,9 +109,7 @@ def _fitted(image: np.ndarray, pane: tuple[int, int]) -> np.ndarray:
 
 
 def _hatch(pane: np.ndarray, mask: np.ndarray, line_px: float) -> None:
-    """Darken the picture where the mask is False, and draw stripes, because a bonnet may be dark
-    itself.
-    """
+    """Darken the picture where the mask is False, and draw stripes, as a bonnet may be dark."""
     cv2 = optional_import("cv2", extra="video", purpose="drawing the overlay")
     height, width = pane.shape[:2]
     fitted = cv2.resize(mask.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST)

@@ -52,18 +52,19 @@ _LIBRARIES = {"av": "writing overlay.mp4", "cv2": "drawing overlay.mp4"}
 
 
 class OverlayVideo:
-    """Draws every frame and encodes it with its own time stamp.
+    """Draws every frame and encodes the picture with the time stamp of the frame.
 
     Parameters
     ----------
     path : Path
-        Replaced if it exists.
+        The file; an existing file is replaced.
     camera : Camera
-        Camera of the frames; its image size, or else the first image, fixes the picture's size.
+        Camera of the frames. The picture's size depends on the camera's image size, or on the first
+        image if the camera has no image size.
     palette : {"red-green", "orange-blue"}
         Colours, as `draw_overlay` takes them.
     mask : ndarray of bool, shape (height, width), optional
-        Where the frames are used.
+        True where the frames are used.
 
     Raises
     ------
@@ -95,7 +96,7 @@ class OverlayVideo:
         self._container: Any = self._av.open(self._file, "w", format="mp4", options=_CONTAINER)
 
     def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
-        """Draw and encode one frame; a frame without an image keeps its values and its time."""
+        """Draw and encode one frame; a frame without an image is drawn with its values only."""
         if self._camera.size is None:
             if image is None:
                 return  # the size of the picture is not known yet
@@ -114,7 +115,7 @@ class OverlayVideo:
         self._file.raise_problem()
 
     def close(self) -> None:
-        """Write what the encoder still holds and close the file."""
+        """Write the pictures that are still in the encoder, and close the file."""
         container, self._container = self._container, None
         if container is None:
             return
@@ -171,10 +172,10 @@ def open_video(
     process: subprocess.Popen[bytes] | None = None,
     mask: np.ndarray | None = None,
 ) -> BackgroundSink:
-    """An `OverlayVideo` in a process of its own, with the same errors.
+    """An `OverlayVideo` in a separate process, with the same errors.
 
-    Errors are raised here if they can be found without waiting for the process. The process may
-    have been started by `start_video_process`.
+    An error is raised by this function if the error can be found without waiting for the process.
+    The process may have been started by `start_video_process`.
     """
     require_libraries()
     check_writable(path)

@@ -1,7 +1,8 @@
 """Charts as inline SVG whose curves scale with the page.
 
-The SVG has curves only, in a unit square that is scaled to the plot (strokes keep their width).
-Numbers are HTML around the SVG, so their size does not depend on that of the page.
+The SVG has curves only, in a unit square that is scaled to the plot; line widths are not scaled.
+Numbers are HTML around the SVG, so that the size of the text does not depend on the size of the
+page.
 """
 
 from __future__ import annotations
@@ -31,15 +32,15 @@ class Curve:
     Attributes
     ----------
     name : str
-        For the legend and the readout.
+        Name in the legend and in the values at the cursor.
     style : str
         CSS class that gives the colour.
     values : Series
         Values of the curve.
     sigma : ndarray, shape (B,), or None
-        1-sigma of the first values: the band.
+        1-sigma of ``values.first``, drawn as a band; None for no band.
     period : float
-        Values this far apart are the same, as 360 deg are for an angle; infinite for most.
+        Period of the quantity, such as 360 deg for an angle; infinite if not periodic.
     """
 
     name: str
@@ -56,7 +57,7 @@ class Chart:
     Attributes
     ----------
     title, unit : str
-        Words above it.
+        Words above the chart.
     curves : list of Curve
         Curves of the chart.
     log : bool
@@ -70,7 +71,7 @@ class Chart:
 
 
 def draw_chart(chart: Chart, digest: Digest, number: int) -> str:
-    """Draw a figure; the cursor finds the values of a chart by its `number`."""
+    """Draw a chart as a figure of HTML; the code of the cursor finds its values by `number`."""
     low, high = _log_range(chart.curves) if chart.log else _range(chart.curves)
     height = _height_map(low, high, log=chart.log)
     span_s = max(digest.span_s, 1e-9)
@@ -123,7 +124,7 @@ def _alt_text(chart: Chart) -> str:
 def _shapes(
     curve: Curve, across: np.ndarray, height: Callable[[ArrayLike], Any], *, thinned: bool
 ) -> list[str]:
-    """A curve over its band over its envelope."""
+    """Shapes of a curve, from back to front: envelope (if ``thinned``), 1-sigma band, and line."""
     first, shapes = curve.values.first, []
     wraps = np.abs(np.diff(first)) > curve.period / 2.0
     if thinned:
@@ -139,7 +140,7 @@ def _shapes(
 
 
 def status_strip(digest: Digest) -> str:
-    """A bar over the run's time, coloured by the worst status of each stretch."""
+    """A bar over the run's time, coloured by the worst status of each bin."""
     edges = np.append(digest.begin_s, digest.span_s) * _WIDTH / max(digest.span_s, 1e-9)
     rects, start = [], 0
     for index in range(1, len(digest.worst) + 1):
@@ -163,7 +164,7 @@ def status_strip(digest: Digest) -> str:
 
 
 def _range(curves: list[Curve]) -> tuple[float, float]:
-    """Limits that hold every value, and nearly every band."""
+    """Limits of an axis that contain all values and nearly all 1-sigma bands."""
     values = [np.zeros(0)]
     for curve in curves:
         series, sigma = curve.values, curve.sigma
@@ -179,7 +180,7 @@ def _range(curves: list[Curve]) -> tuple[float, float]:
 
 
 def _log_range(curves: list[Curve]) -> tuple[float, float]:
-    """Whole decades that hold every positive value."""
+    """Limits of an axis at whole decades that contain all positive values."""
     known = np.concatenate([curve.values.first for curve in curves] or [np.zeros(0)])
     known = known[np.isfinite(known) & (known > 0.0)]
     if not known.size:
@@ -189,8 +190,9 @@ def _log_range(curves: list[Curve]) -> tuple[float, float]:
 
 
 def _height_map(low: float, high: float, *, log: bool) -> Callable[[ArrayLike], Any]:
-    """Function from values to heights in the unit square, downwards; values far outside are
-    clipped.
+    """Function from values to heights in the unit square, downwards.
+
+    Values far outside of the square are clipped.
     """
 
     def height(value: ArrayLike) -> Any:
@@ -214,7 +216,7 @@ def _ticks(low: float, high: float, *, log: bool = False) -> list[float]:
 
 
 def _time_ticks(span_s: float) -> list[float]:
-    """Seconds to mark on an axis of this length: whole minutes on a long axis."""
+    """Positions of marks, s, on an axis of this length; whole minutes on a long axis."""
     step = next((s for s in _MINUTE_STEPS_S if span_s > 120.0 and span_s <= 7 * s), 0)
     step = step or nice_step(span_s / 7.0)
     return [round(k * step, 12) for k in range(math.floor(span_s / step) + 1)]
@@ -234,7 +236,7 @@ def _clock(seconds: float, span_s: float) -> str:
 
 
 def _line(x: np.ndarray, y: np.ndarray, wraps: np.ndarray) -> str:
-    """Path through the points, broken at gaps and where a step (B - 1,) wraps around."""
+    """SVG path through the points, broken at gaps and where ``wraps`` (B - 1,) is True."""
     words, joined = [], False
     for index in range(len(x)):
         if not np.isfinite(y[index]):
@@ -249,7 +251,7 @@ def _line(x: np.ndarray, y: np.ndarray, wraps: np.ndarray) -> str:
 
 
 def _band(x: np.ndarray, low: np.ndarray, high: np.ndarray, wraps: np.ndarray) -> str:
-    """Closed paths between two curves, one for each stretch that `_line` joins."""
+    """Closed SVG paths between two curves, a path for each unbroken stretch of `_line`."""
     known = np.isfinite(low) & np.isfinite(high)
     breaks = np.flatnonzero(~(known[1:] & known[:-1]) | wraps) + 1
     words = []

@@ -24,7 +24,7 @@ _BINS_AT_ONCE = 10
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Series:
-    """One quantity over time, NaN where it is unknown; all arrays have the shape (B,).
+    """One quantity over time, NaN where unknown. All arrays have the shape (B,).
 
     Attributes
     ----------
@@ -44,9 +44,10 @@ class Digest:
     Attributes
     ----------
     span_s : float
-        Seconds from the first frame to the last; 0 when there is no row.
+        Time from the first frame to the last, s; 0 if the file has no row.
     begin_s, time_s : ndarray, shape (B,)
-        Times of the two frames of the first pair of each bin, seconds since the first frame.
+        Times of the older and the newer frame of the first pair in each bin, s since the first
+        frame.
     stride : int
         Pairs in a bin.
     worst : list of PoseStatus
@@ -56,7 +57,7 @@ class Digest:
     series : dict of str to Series
         Curves by name: degrees, pixels and counts.
     moments : MomentSeeker
-        The worst moments.
+        Search that has found the worst moments.
     """
 
     span_s: float
@@ -73,7 +74,7 @@ _WORSE = {status: rank for rank, status in enumerate(PoseStatus)}
 
 
 def digest_motions(path: Path) -> Digest:
-    """Read ``motions.csv`` in parts and keep at most `MAX_BINS` bins of it."""
+    """Read ``motions.csv`` in parts and reduce the rows to at most `MAX_BINS` bins."""
     stride = max(1, -(-count_lines(path) // MAX_BINS))
     counts = dict.fromkeys(PoseStatus, 0)
     times: list[np.ndarray] = [np.empty((0, 2))]
@@ -112,7 +113,7 @@ def digest_motions(path: Path) -> Digest:
 
 
 def _quantities(motions: Motions) -> dict[str, np.ndarray]:
-    """Every curve of the page, a value per pair."""
+    """The quantities of all curves of the page, by name, with a value for each pair."""
     R, covariance = motions.rotation_cam1_from_cam0, motions.rotation_covariance
     rotation, rotation_sigma = rotation_vector_deg(R, covariance)
     elapsed_s = motions.timestamp1 - motions.timestamp0
@@ -138,7 +139,7 @@ def _quantities(motions: Motions) -> dict[str, np.ndarray]:
 
 
 def _headings(motions: Motions, R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Headings in camera 0 (M, 3) with covariances (M, 3, 3), as `RelativePose` defines them."""
+    """Headings in camera 0 (M, 3) with covariances (M, 3, 3), defined as in `RelativePose`."""
     direction = motions.direction_cam1_from_cam0
     skew = np.swapaxes(np.cross(direction[:, None, :], np.eye(3)), 1, 2)
     R_T = np.swapaxes(R, 1, 2)
@@ -148,7 +149,7 @@ def _headings(motions: Motions, R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _largest_sigma_deg(covariance: np.ndarray) -> np.ndarray:
-    """1-sigma along the longest axis, deg: (M, K, K) -> (M,)."""
+    """1-sigma (M,) along the longest axis of each covariance (M, K, K), deg."""
     sigma = np.full(len(covariance), np.nan)
     known = np.isfinite(covariance).all(axis=(1, 2))
     sigma[known] = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance[known])[:, -1], 0.0))
@@ -173,7 +174,7 @@ def _joined(parts: Iterable[Series]) -> Series:
 
 
 def count_lines(path: Path) -> int:
-    """Lines of a file of any length, its header among them."""
+    """Number of lines of a file of any length, including the header."""
     try:
         with path.open("rb") as file:
             return sum(block.count(b"\n") for block in iter(lambda: file.read(1 << 20), b""))

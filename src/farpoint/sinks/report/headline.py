@@ -67,7 +67,7 @@ def _how_far(digest: Digest, paths: Paths, unit: LengthUnit) -> str:
 
 
 def _final_sigma(paths: Paths) -> float | None:
-    """Final 1-sigma of the position along its longest axis; None without one scale."""
+    """1-sigma of the last position along its longest axis; None if unknown or after a break."""
     covariance = paths.covariance[-1]
     if paths.segments[-1] != paths.segments[0] or not np.isfinite(covariance).all():
         return None

@@ -1,4 +1,4 @@
-"""Histogram of the split-half errors, with the density for honest covariances."""
+"""Histogram of the split-half errors, with the density for correct covariances."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _MIN_COUNT = 5
 
 
 def halves_section(halves: Sequence[SplitHalf]) -> str:
-    """The histogram with a sentence about it; empty if too few pairs were tested."""
+    """The histogram with a sentence about the result; empty if too few pairs were tested."""
     tested = [half for half in halves if half.dof]
     if len(tested) < _MIN_COUNT:
         return ""
@@ -47,7 +47,7 @@ def _verdict(ratio: float, low: float, high: float) -> str:
 
 
 def _figure(values: np.ndarray, dof: int, ratio: float) -> str:
-    """Bars of the tests under the density of chi-square; the last bar counts all larger values."""
+    """Bars of the tests and the density of chi-square; the last bar counts all larger values."""
     end = chi2_quantile(0.995, dof)
     bins = int(np.clip(len(values) // _TESTS_A_BIN, 6, _MOST_BINS))
     edges = np.linspace(0.0, end, bins + 1)

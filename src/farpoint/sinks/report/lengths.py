@@ -16,11 +16,11 @@ class LengthUnit:
     Attributes
     ----------
     singular, plural : str
-        Name of the unit behind a number.
+        Name of the unit after a number.
     name : str
         Name of the unit beside a chart.
     meaning : str
-        Explanation for readers; empty where everybody knows.
+        Explanation for readers; empty for metres.
     """
 
     singular: str

@@ -10,7 +10,7 @@ __all__ = ["lens_section"]
 
 
 def lens_section(run: Mapping[str, Any]) -> str:
-    """A table of the lens's parameters; nothing where none was free."""
+    """A table of the lens's parameters; empty if no parameter was estimated."""
     lens = run.get("lens")
     if not isinstance(lens, Mapping) or not lens.get("refined"):
         return ""

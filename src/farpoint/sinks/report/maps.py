@@ -17,7 +17,7 @@ _CHI2_95 = 5.991  # of two degrees of freedom
 
 
 def path_map(paths: Paths, unit: LengthUnit) -> str:
-    """The path from above, with x to the right, z up the page, and a grid of round lengths."""
+    """The path from above, with x to the right, z upwards, and a grid of round lengths."""
     points = paths.x_z if paths.true_x_z is None else np.vstack([paths.x_z, paths.true_x_z])
     low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
     extent = max(float((high - low).max()), 1e-6)

@@ -14,9 +14,7 @@ __all__ = ["charts_of"]
 
 
 def charts_of(digest: Digest, unit: LengthUnit) -> list[Chart]:
-    """Charts of rotation and direction with their 1-sigma bands, of the sigmas, the noise and the
-    matches.
-    """
+    """Charts of rotation and direction (with 1-sigma bands), sigmas, noise and matches."""
     if not digest.series:
         return []
     series = digest.series

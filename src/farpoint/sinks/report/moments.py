@@ -23,13 +23,13 @@ class Moment:
     Attributes
     ----------
     time_s : float
-        Time of the newer frame of its first pair, seconds since the first frame.
+        Time of the newer frame of the first pair, s since the first frame.
     frame0, frame1 : int
-        Indices of the frames of this pair.
+        Indices of the frames of the first pair.
     title : str
         Name of the problem.
     reason : str
-        Why, in a sentence; may be empty.
+        Reason of the problem, in a sentence; may be empty.
     """
 
     time_s: float
@@ -83,12 +83,12 @@ class MomentSeeker:
             self._not_ok(motions, int(row))
 
     def found(self, reasons: Mapping[int, str]) -> list[Moment]:
-        """The stretches that are not OK, longest first, then the extremes of the other pairs.
+        """The stretches of pairs that are not OK, longest first, then extremes of other pairs.
 
         Parameters
         ----------
         reasons : mapping of int to str
-            Why a pair is not OK, by its newer frame.
+            Reason why a pair is not OK, by the index of the newer frame.
         """
         self._close()
         moments = [self._described(stretch, reasons) for stretch in self._stretches]

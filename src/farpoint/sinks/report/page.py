@@ -38,24 +38,24 @@ _MEANING = {
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PageContents:
-    """Everything a page is made of.
+    """Contents of a page.
 
     Attributes
     ----------
     run : dict
-        ``run.json``.
+        Contents of ``run.json``.
     digest : Digest
-        ``motions.csv``.
+        Reduced contents of ``motions.csv``.
     halves : list of SplitHalf
-        ``halves.csv``.
+        Contents of ``halves.csv``.
     paths : Paths
-        ``positions.csv`` from above, beside the truth.
+        The path of ``positions.csv`` from above, and the true path if given.
     moments : list of Moment
         The worst moments.
     stills : list of Still
-        Pictures of ``overlay.mp4`` at those moments.
+        Pictures of ``overlay.mp4`` at the times of ``moments``.
     thumbs : list of Still
-        Small ones, spread over the run.
+        Small pictures of ``overlay.mp4``, spread over the run.
     """
 
     run: dict[str, Any]
@@ -128,7 +128,7 @@ def _charts_section(charts: list[Chart], digest: Digest) -> str:
 
 
 def _palette(run: Mapping[str, Any]) -> str:
-    """The colours that the film was drawn in."""
+    """HTML attribute with the palette in which the video was drawn."""
     output = run["options"].get("output", {})
     name = output.get("palette") if isinstance(output, Mapping) else None
     return f' data-palette="{escape(str(name))}"' if name else ""

@@ -21,22 +21,22 @@ _MAX_POINTS = 2000
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Paths:
-    """The path from above; x to the right of the first camera, z forward.
+    """The path from above: x to the right of the first camera, z forward.
 
     Attributes
     ----------
     time_s : ndarray, shape (P,)
         Seconds since the first frame.
     x_z : ndarray, shape (P, 2)
-        Positions, in metres or the unit of the trajectory, as the files are.
+        Positions in the unit of the files: metres, or the unit of the trajectory.
     segments : ndarray of int, shape (P,)
-        Segment of the path of each position; between parts the scale was lost.
+        Index of the segment of the path for each position. Between segments the scale was lost.
     covariance : ndarray, shape (P, 2, 2)
-        Covariance of each position since its segment began, squared units; NaN where it is not
-        known.
+        Covariance of each position relative to the start of the segment, squared units; NaN where
+        unknown.
     true_x_z : ndarray, shape (P, 2), or None
-        True positions at the same times after Sim(3) alignment with the path; NaN where the truth
-        is missing. None without a truth.
+        True positions at the same times after Sim(3) alignment with the path. NaN where a true
+        position is missing; None without any true positions.
     """
 
     time_s: np.ndarray
@@ -53,12 +53,12 @@ class Paths:
 
 
 def paths_from_above(folder: Path, truth: Path | None = None) -> Paths:
-    """The path in a run's folder, beside the truth.
+    """The path in a run's folder, and the true path if given.
 
     Raises
     ------
     InputError
-        If a file cannot be read, or the two have no time or frame in common.
+        If a file cannot be read, or if the path and the true path have no time or frame in common.
     """
     table = np.array([_cells(*row) for row in _thinned(folder)]).reshape(-1, 10)
     stamps, frames, segments, places = table[:, 0], table[:, 1], table[:, 2], table[:, 3:6]
@@ -107,7 +107,7 @@ def _from_positions(path: Path) -> Iterator[_Row]:
 
 
 def _from_tum(path: Path) -> Iterator[_Row]:
-    """Of a folder without ``positions.csv``: nobody knows how sure."""
+    """Rows of a ``trajectory.tum``; covariances are unknown."""
     unknown = np.full((2, 2), np.nan)
     for frame, (stamp, pose) in enumerate(iter_tum(path, whole_lines=True)):
         yield stamp, frame, 0, pose[:3, 3], unknown
@@ -116,7 +116,7 @@ def _from_tum(path: Path) -> Iterator[_Row]:
 def _true_places(
     truth: Path, stamps: np.ndarray, frames: np.ndarray, places: np.ndarray
 ) -> np.ndarray | None:
-    """True positions (P, 3) in the axes of the estimate; None if too few are known for a fit."""
+    """True positions (P, 3) in the axes of the estimate; None if an alignment is not possible."""
     reference = read_trajectory(truth)
     if reference.timestamps is None:
         poses = poses_at_frames(reference.world_from_body, frames)

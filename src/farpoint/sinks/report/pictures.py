@@ -1,4 +1,4 @@
-"""The worst moments with their pictures, and an overview of the whole run."""
+"""The worst moments with pictures, and an overview of the whole run."""
 
 from __future__ import annotations
 

@@ -18,14 +18,14 @@ _TIME_TOLERANCE_S = 1e-4  # the film counts in ticks
 
 @dataclass(frozen=True, kw_only=True)
 class Still:
-    """A picture of the film.
+    """A picture of the video.
 
     Attributes
     ----------
     time_s : float
-        Seconds since its start.
+        Time since the start of the video, s.
     jpeg : bytes
-        The picture.
+        The picture as JPEG.
     """
 
     time_s: float
@@ -35,8 +35,8 @@ class Still:
 def thumbs_of(path: Path, count: int) -> list[Still]:
     """At most `count` small key frames, evenly spread over a video; empty without a video.
 
-    Only the packets of key frames are held, at most twice `count`. A video that a kill has cut off
-    gives the frames that it has.
+    At most twice `count` packets of key frames are in memory. If a killed process has left an
+    incomplete video, the pictures come from the readable part.
     """
 
     def read(stream: Any, packets: Iterable[Any]) -> list[Still]:
@@ -49,15 +49,17 @@ def thumbs_of(path: Path, count: int) -> list[Still]:
 
 
 def stills_at(path: Path, times_s: Iterable[float]) -> list[Still]:
-    """Pictures of a video at these times, s since its start, in the order of the times.
+    """Pictures of a video at these times, s since the start of the video, sorted by time.
 
-    A time beyond the readable part of a video (cut off by a kill) gives no picture.
+    A time after the readable part of a video, which a killed process has left incomplete, gives no
+    picture.
     """
     wanted = sorted(set(times_s))
 
     def read(stream: Any, packets: Iterable[Any]) -> list[Still]:
-        """Decode each wanted picture from its key frame on; ``packets`` are in the order of the
-        video.
+        """Decode each wanted picture from the previous key frame on.
+
+        ``packets`` must be in the order of the video.
         """
         stills: list[Still] = []
         group: list[Any] = []  # from the last key frame on: what a picture is decoded from
@@ -88,7 +90,7 @@ def _from_video(path: Path, read: Callable[[Any, Iterable[Any]], list[Still]]) -
 
 
 def evenly_spaced_key_packets(packets: Iterable[Any], count: int) -> list[Any]:
-    """Evenly spread key packets: every k-th is kept, and k doubles if there are too many."""
+    """Evenly spread packets of key frames: every k-th is kept; k doubles if too many are kept."""
     kept: list[Any] = []
     step = 1
     keys = (packet for packet in packets if packet.is_keyframe and packet.pts is not None)
@@ -105,7 +107,7 @@ def evenly_spaced_key_packets(packets: Iterable[Any], count: int) -> list[Any]:
 
 
 def _still(packets: list[Any], stream: Any, width_px: int, quality: int) -> Still:
-    """The last picture of some packets that begin with a key frame."""
+    """The last picture of ``packets``, the first of which is a key frame."""
     cv2 = optional_import("cv2", extra="video", purpose="pictures in the report")
     last, decoder = packets[-1], stream.codec_context
     frames = [frame for packet in packets for frame in decoder.decode(packet)]

@@ -20,11 +20,11 @@ _THUMBS = 80
 
 
 def write_report(folder: str | Path, truth: str | Path | None = None) -> Path:
-    """Write ``report.html`` from the other files of a folder, also of an interrupted run.
+    """Write ``report.html`` from the other files of a folder, even if the run was interrupted.
 
     The report depends on ``run.json``, ``motions.csv``, ``positions.csv`` (or ``trajectory.tum``)
-    and, if they exist, ``halves.csv`` and ``overlay.mp4``. The size of the report is bounded;
-    memory grows with the number of split-half tests only.
+    and, if present, ``halves.csv`` and ``overlay.mp4``. The size of the report is bounded. Memory
+    grows only with the number of split-half tests.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The display in the Rerun viewer, during a run or as a recording in a file."""
+"""The display in the Rerun viewer, shown during a run or recorded in a file."""
 
 from farpoint.sinks.viewer.live import LiveViewer, start_live_viewer
 from farpoint.sinks.viewer.options import ViewerOptions

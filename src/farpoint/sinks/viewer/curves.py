@@ -20,12 +20,12 @@ _BAND_ALPHA = 110
 
 
 class Curves:
-    """Curves of values with their 1-sigma band; a line breaks where the value is missing.
+    """Curves of values with 1-sigma bands. A curve is broken where a value is missing.
 
     Parameters
     ----------
     recording : rerun.RecordingStream
-        Drawn into.
+        Recording that receives the drawings.
     """
 
     def __init__(self, recording: Any) -> None:
@@ -35,7 +35,7 @@ class Curves:
         self._style(places.HEADING, _HEADING)
 
     def draw(self, result: OdometryResult) -> None:
-        """Add one pair: rotation over the time between its frames, and heading."""
+        """Add the angular velocity and the heading of one pair."""
         self._add(places.ROTATION, *_rotation_rate(result))
         self._add(places.HEADING, *_heading(result))
 
@@ -55,7 +55,7 @@ class Curves:
 
 
 def _rotation_rate(result: OdometryResult) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation vector over time (3,) and its 1-sigma (3,), deg/s; NaN if unknown."""
+    """Rotation vector divided by time (3,), and 1-sigma (3,), deg/s; NaN if unknown."""
     pose, elapsed_s = result.pose, result.timestamp - result.timestamp0
     unknown = np.full(3, np.nan)
     if pose is None or pose.rotation_cam1_from_cam0 is None or elapsed_s <= 0.0:
@@ -66,7 +66,7 @@ def _rotation_rate(result: OdometryResult) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _heading(result: OdometryResult) -> tuple[np.ndarray, np.ndarray]:
-    """Angles to the right and up (2,) and their 1-sigma (2,), deg; NaN without a direction."""
+    """Angles of the heading to the right and up (2,), and 1-sigma (2,), deg; NaN if unknown."""
     pose, unknown = result.pose, np.full(2, np.nan)
     if pose is None or pose.heading_cam0 is None or pose.heading_covariance is None:
         return unknown, unknown

@@ -16,7 +16,7 @@ _POINTS_S = 10.0  # points are shown for so long after they were seen
 
 
 def layout(size: tuple[int, int], *, live: bool) -> Any:
-    """The blueprint for images of this size (width, height), with the delays of a live session."""
+    """Rerun's blueprint for images of this size (width, height), with delays if ``live``."""
     rrb = optional_import("rerun.blueprint", extra="rerun", purpose="the display")
     stacked = size[0] >= _STACKED_FROM_ASPECT * size[1]
     pictures = (rrb.Vertical if stacked else rrb.Horizontal)(
@@ -52,7 +52,7 @@ def _picture(rrb: Any, origin: str, name: str, size: tuple[int, int]) -> Any:
 
 
 def _world(rrb: Any) -> Any:
-    """Pane of the world: the path up to the cursor, recent points, and the current camera."""
+    """Pane of the world: the path up to the time cursor, recent points, and the current camera."""
     rr = optional_import("rerun", extra="rerun", purpose="the display")
     now = rrb.TimeRangeBoundary.cursor_relative()
     recent = rrb.TimeRangeBoundary.cursor_relative(seconds=-_POINTS_S)

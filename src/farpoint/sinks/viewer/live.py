@@ -1,4 +1,4 @@
-"""The display of a live session, which does not block the session and shows its latency."""
+"""The display of a live session, which shows latencies and does not block the session."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ class LiveViewer:
     camera : Camera
         Camera of the frames.
     palette : {"red-green", "orange-blue"}
-        Colours.
+        Colours of the display.
     process : Popen, optional
-        Process that draws, if `start_live_viewer` was called beforehand.
+        Process that draws, from an earlier call of `start_live_viewer`.
 
     Attributes
     ----------
     left_out : int
-        Number of frames that were not drawn, because drawing was too slow.
+        Number of frames that were not drawn because drawing was too slow.
     """
 
     def __init__(
@@ -66,11 +66,11 @@ class LiveViewer:
         self.left_out += not self._sink.offer(result, image)
 
     def set_status(self, latency_s: float, dropped: int) -> None:
-        """Show the latency of the newest result, and the number of frames left out before it."""
+        """Show the latency of the newest result, and the number of frames dropped before."""
         self._note("set_status", latency_s, dropped)
 
     def set_link(self, link: str) -> None:
-        """Show the state of the source, if it has changed."""
+        """Show the state of the source if the state has changed."""
         if link != self._link:
             self._note("set_link", link)
             self._link = link
@@ -90,7 +90,7 @@ def start_live_viewer() -> subprocess.Popen[bytes]:
 
 
 class _Drawing(Viewer):
-    """What a `LiveViewer` has drawn, in the process that draws."""
+    """The viewer that draws for a `LiveViewer`, in the process that draws."""
 
     def __init__(self, place: Place, name: str, camera: Camera, palette: PaletteName) -> None:
         self._rr = optional_import("rerun", extra="rerun", purpose="the display")

@@ -10,12 +10,12 @@ __all__ = ["ViewerOptions"]
 
 @dataclass(frozen=True, kw_only=True)
 class ViewerOptions:
-    """Options of the display; it needs the extra ``rerun``.
+    """Options of the display, which needs the extra ``rerun``.
 
     Attributes
     ----------
     show : bool
-        Open the Rerun viewer and draw in it during the run.
+        Open the Rerun viewer and draw in its window during the run.
     rrd : Path or None
         Record the display into this file, which ``rerun FILE`` opens.
     """

@@ -28,12 +28,12 @@ _NOTHING = np.empty((0, 2, 2), np.float32)
 class Pictures:
     """Panes of the image with its tracks, and of the flow with the epipole.
 
-    Colours and sizes are logged once; a frame adds positions only.
+    Colours and sizes are logged once. Each frame logs positions only.
 
     Parameters
     ----------
     recording : rerun.RecordingStream
-        Drawn into.
+        Recording that receives the drawings.
     palette : Palette
         Colours.
     """
@@ -52,7 +52,7 @@ class Pictures:
         self._style(f"{places.FLOW}/epipole/at", WHITE, 1.0)
 
     def draw_image(self, result: OdometryResult, image: np.ndarray | None) -> None:
-        """The newer image with a line for each track since the older image."""
+        """Draw the newer image with a line for each track since the older image."""
         if image is None:
             self._recording.log(places.IMAGE, self._rr.Clear(recursive=False))
         else:
@@ -64,7 +64,7 @@ class Pictures:
         self._draw_tracks(places.IMAGE, result, result.tracks.points1)
 
     def draw_flow(self, result: OdometryResult, camera: Camera, size: tuple[int, int]) -> None:
-        """The flow with the rotation removed, and the epipole with its 95 % region."""
+        """Draw the flow with the rotation removed, and the epipole with its 95 % region."""
         pose = result.pose
         heads = result.tracks.points1
         if pose is not None and pose.rotation_cam1_from_cam0 is not None:
@@ -102,8 +102,9 @@ class Pictures:
 
 
 def _marker(at: np.ndarray, radius: float, turn: float) -> list[np.ndarray]:
-    """The paper's circle with a cross around a pixel (2,); slanting for the point the camera comes
-    from.
+    """Lines of a circle with a cross around a pixel (2,), as in the paper.
+
+    ``turn`` is the angle of the cross, rad; the cross at the antipode of the epipole is slanting.
     """
     angles = np.linspace(0.0, 2.0 * np.pi, 33)
     strips = [at + radius * np.column_stack([np.cos(angles), np.sin(angles)])]
@@ -114,7 +115,7 @@ def _marker(at: np.ndarray, radius: float, turn: float) -> list[np.ndarray]:
 
 
 def _pieces(path_px: np.ndarray) -> list[np.ndarray]:
-    """Strips of a path (K, 2), which rows of NaN separate."""
+    """Pieces of a path (K, 2), which rows of NaN separate."""
     gaps = np.flatnonzero(~np.isfinite(path_px).all(axis=1))
     parts = [part[np.isfinite(part).all(axis=1)] for part in np.split(path_px, gaps)]
     return [part.astype(np.float32) for part in parts if len(part) > 1]

@@ -1,4 +1,4 @@
-"""Entity paths in the recording, for layout and drawing."""
+"""Names of the entities in the recording, used by layout and drawing."""
 
 from __future__ import annotations
 

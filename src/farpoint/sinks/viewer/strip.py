@@ -20,7 +20,7 @@ class Strip:
     Parameters
     ----------
     recording : rerun.RecordingStream
-        Drawn into.
+        Recording that receives the drawings.
     palette : Palette
         Colours.
     """

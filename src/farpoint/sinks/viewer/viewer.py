@@ -41,11 +41,11 @@ class Viewer:
     recording : rerun.RecordingStream
         Recording that receives the drawings; the viewer closes it.
     camera : Camera
-        Camera of the frames; without a size, the first image gives it.
+        Camera of the frames. If the camera has no image size, the size of the first image is used.
     palette : Palette
         Colours.
     live : bool
-        The layout shows delays as well.
+        Whether the layout also shows delays.
     rrd : Path, optional
         File of the recording, if any.
 
@@ -127,7 +127,7 @@ def set_moment(recording: Any, result: OdometryResult) -> None:
 def open_viewer(
     options: ViewerOptions, name: str, camera: Camera, palette: PaletteName = "red-green"
 ) -> BackgroundSink:
-    """The display as a sink that draws in a process of its own.
+    """The display as a sink that draws in a separate process.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def _make(place: Place, name: str, camera: Camera, palette: PaletteName) -> View
 
 
 def open_recording(place: Place, name: str, *, endless: bool = False) -> Any:
-    """A Rerun recording that goes to a place."""
+    """A Rerun recording that is sent to the window and written to the file of ``place``."""
     rr = optional_import("rerun", extra="rerun", purpose="the display")
     sinks: list[Any] = []
     if place.rrd is not None:

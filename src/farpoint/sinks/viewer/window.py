@@ -1,4 +1,4 @@
-"""The window of the viewer: a process of its own, which only this machine can reach."""
+"""The window of the viewer: a separate process, which only this machine can reach."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ _MEMORY = "2GB"
 def open_window() -> str:
     """Start the Rerun viewer and return the address that recordings are sent to.
 
-    The viewer listens on the loopback interface only (Rerun's default is all interfaces), with its
-    usage statistics off. The window stays open after the end of this process.
+    The viewer listens on the loopback interface only (Rerun's default is all interfaces) and sends
+    no usage statistics. The window stays open after the end of this process.
 
     Raises
     ------
     MissingExtraError
         If rerun-sdk is not installed.
     InputError
-        If the viewer ends at once, as it does where there is no display.
+        If the viewer ends at once, as on a machine without a display.
     """
     optional_import("rerun_cli", extra="rerun", purpose="the viewer")
     port = _free_port()

@@ -33,7 +33,7 @@ class World:
     Parameters
     ----------
     recording : rerun.RecordingStream
-        Drawn into.
+        Recording that receives the drawings.
     palette : Palette
         Colours.
     """
@@ -59,7 +59,7 @@ class World:
         recording.log(f"{places.CAMERA}/body", body, static=True)
 
     def draw(self, result: OdometryResult, camera: Camera) -> None:
-        """Draw the camera, the step that led to it, the region of its heading, and near points."""
+        """Draw the camera, the last step, the region of the heading, and near points."""
         pose = result.world_from_cam
         position = pose[:3, 3]
         turn = self._rr.Quaternion(xyzw=so3.quat_xyzw_from_matrix(pose[:3, :3]))
