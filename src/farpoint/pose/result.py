@@ -156,7 +156,7 @@ class RelativePose:
         Parameters
         ----------
         confidence : float
-            Probability, between 0 and 1.
+            Probability that the region contains the true heading, between 0 and 1.
 
         Returns
         -------
@@ -185,7 +185,7 @@ class RelativePose:
         camera : Camera
             Camera of image 0.
         confidence : float
-            Probability, between 0 and 1.
+            Probability that the region contains the epipole, between 0 and 1.
 
         Returns
         -------

@@ -60,8 +60,8 @@ def thin_out(
 ) -> np.ndarray:
     """Indices of points outside the ``occupied`` mask, bool (H, W), in the order of the points.
 
-    Every accepted point marks the pixels within ``reach`` along each axis as occupied. The function
-    stops after ``count`` accepted points.
+    Every accepted point marks a square of half width ``reach`` as occupied. The function stops
+    after ``count`` accepted points.
     """
     limit = len(points) if count is None else count
     kept = np.empty(len(points), np.int64)

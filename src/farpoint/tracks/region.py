@@ -74,6 +74,6 @@ def _window_px(options: TrackerOptions | None) -> int:
 
 
 def _apart_from(blind: np.ndarray, reach: int) -> np.ndarray:
-    """Mask of pixels that have no blind (non-zero) pixel within ``reach`` along each axis."""
+    """Mask of pixels without a blind (non-zero) pixel in the square of half width ``reach``."""
     cv2 = optional_import("cv2", extra="video", purpose="tracking")
     return cv2.dilate(blind, np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)) == 0

@@ -89,8 +89,7 @@ def _smoothed(rows: np.ndarray, changes: np.ndarray, height: int) -> np.ndarray:
     """Log gain of every row (height,): a linear P-spline with a second-difference penalty.
 
     The weight of the penalty is selected by generalised cross-validation (P. Eilers, B. Marx,
-    "Flexible Smoothing
-    with B-splines and Penalties", 1996, doi:10.1214/ss/1038425655).
+    "Flexible Smoothing with B-splines and Penalties", 1996, doi:10.1214/ss/1038425655).
     """
     knots = np.linspace(rows[0], rows[-1], ROW_KNOTS)
     at = (rows - knots[0]) / (knots[1] - knots[0])
