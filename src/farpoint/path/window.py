@@ -66,7 +66,7 @@ class Window:
     size : (int, int)
         Size of the images.
     origin : ndarray, shape (3,)
-        Position of the first keyframe, which is held fixed.
+        Position of the first keyframe, which defines the gauge.
     cost : float
         Negative log likelihood up to a constant, at the last solution.
     variance_factor : float
@@ -181,8 +181,8 @@ class Window:
     def _baseline(self) -> tuple[int, int] | None:
         """Slots of the two keyframes whose distance is held fixed to determine the scale.
 
-        These are the first keyframe and the keyframe farthest from it. The result is None if the
-        prior determines the scale, or if no keyframe has moved.
+        These are the first keyframe and the keyframe farthest from the first. The result is None if
+        the prior determines the scale, or if all keyframes have the same position.
         """
         if self._unit is None:
             return None
@@ -548,7 +548,7 @@ class Window:
     def _change_anchors(self, rows: np.ndarray, slot: int) -> np.ndarray:
         """Move the anchors of points to another keyframe.
 
-        The function returns the rows of the points that no other keyframe observes.
+        The function returns the rows of the points for which there is no other valid observation.
         """
         marks = self.landmarks
         new = marks.next_anchors(rows, slot)
