@@ -229,7 +229,8 @@ def _decompose(
     """Squared offsets ``parts`` from the plane: across the epipolar lines, then along the lines.
 
     Each square is divided by the variance of the offset. The offset along a line is conditioned on
-    the offset across the line. The sum of the two squares does not depend on the direction ``t``.
+    the offset across the line. For any shape of the noise, the sum of the two squares does not
+    depend on the direction ``t``.
     """
     rotation, direction = matrix(R), vector(t)
     for i in range(matches.total):
