@@ -159,16 +159,16 @@ def search_pose(
     The search starts at the direction of the flow of the ``candidates``. Samples of five matches
     are solved in turn from three starts (`_solve_sample`): the best pose; a rotation with a random
     direction; a rotation with the intersection of two great circles of the sample. Every second
-    sample is drawn from matches consistent with the best pose or a competing mode, which have few
-    outliers. A hypothesis whose truncated squares are low enough is refined and compared by its
-    likelihood with noise parameters of its own: a wrong mode has low squares only with a large
-    variance. Once a competing mode was found, more samples are drawn. Finally the ambiguous motions
-    of the best pose are compared.
+    sample is drawn from matches consistent with the best pose or a competing mode, because few of
+    these matches are outliers. A hypothesis whose truncated squares are low enough is refined, and
+    compared by its likelihood. Each hypothesis has separate noise parameters, because a wrong mode
+    has low squares only with a large variance. After a competing mode was found, more samples are
+    drawn. Finally the ambiguous motions of the best pose are compared.
 
-    ``best`` receives the likeliest pose, ``close`` the second likeliest, and ``secondary`` the
-    likeliest in another direction. The function returns the number of samples, whether the second
-    motion of a plane competes, whether ``secondary`` is within the margin, and whether ``close`` is
-    within the margin.
+    ``best`` receives the likeliest pose, ``close`` the second likeliest pose, and ``secondary`` the
+    likeliest pose in another direction. The function returns the number of samples, whether the
+    second motion of a plane competes, whether ``secondary`` is within the margin, and whether
+    ``close`` is within the margin.
     """
     pairs, prior, count, tolerance = matches.pairs, matches.prior, matches.total, budget.tolerance
     other = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))

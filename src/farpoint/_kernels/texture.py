@@ -78,7 +78,7 @@ def footprint_of(
 
 @inlined_kernel
 def scaled(footprint: Footprint, u: float, v: float, scale: float) -> Footprint:
-    """Footprint moved to ``u, v``, with all lengths multiplied by ``scale``."""
+    """Footprint moved to ``u, v``, with position and lengths multiplied by ``scale``."""
     major_u, major_v, minor = footprint.major_u, footprint.major_v, footprint.minor
     return Footprint(u * scale, v * scale, major_u * scale, major_v * scale, minor * scale)
 
