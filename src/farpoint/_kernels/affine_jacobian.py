@@ -35,7 +35,7 @@ class Template(NamedTuple):
     window: Window
     """Gradients of the second image as predicted by the prior, after `linearise`."""
     contrast: np.ndarray
-    """(S,) mean of the window minus its values."""
+    """(S,) mean of the window's values minus the value of each pixel."""
     u: np.ndarray
     """(S,) px to the right of the centre."""
     v: np.ndarray

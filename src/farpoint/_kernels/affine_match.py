@@ -65,9 +65,9 @@ class Matched(NamedTuple):
     """Matches and statistics of the matches."""
 
     points: np.ndarray
-    """(N, 2) pixels in the second image: in, initial; out, matched."""
+    """(N, 2) pixels in the second image. In: initial pixels. Out: matched pixels."""
     warps: np.ndarray
-    """(N, 2, 2) ``I + M``: in, initial values and means of the prior; out, matched."""
+    """(N, 2, 2) warps ``I + M``. In: initial warps and means of the prior. Out: matched warps."""
     covariances: np.ndarray
     """(N, 2, 2) covariance of the point, px^2; NaN without a match (window outside an image, no
     texture)."""
@@ -97,7 +97,7 @@ class Workspace(NamedTuple):
     normal: np.ndarray
     """(8, 8) normal matrix."""
     factor: np.ndarray
-    """(8, 8) its lower Cholesky factor, with the diagonal inverted."""
+    """(8, 8) lower Cholesky factor of the normal matrix, with the diagonal inverted."""
     expected: np.ndarray
     """(8,) mean of the prior of the parameters."""
     theta: np.ndarray

@@ -115,9 +115,10 @@ def parallax_variance(pairs: np.ndarray, at: int, R: Matrix, m: Vector, t: Vecto
 def shift_jacobian(
     pairs: np.ndarray, at: int, R: Matrix, t: Vector, basis: tuple[Vector, Vector]
 ) -> tuple[float, float, float, float, float, float]:
-    """Flow divided by its sigma, and derivative of this ratio by ``[dtheta (3), dbeta (2)]``.
+    """Derivative of the flow over its sigma by ``[dtheta (3), dbeta (2)]``, and the ratio itself.
 
-    The sigma is taken as constant, because it hardly changes within a few sigma of the pose.
+    The flow is that of `flow_along`. The sigma is taken as constant, because the sigma hardly
+    changes with the pose, within the uncertainty of the pose.
     """
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
     flow, _ = flow_along(m, b, t)

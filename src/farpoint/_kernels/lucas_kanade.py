@@ -55,7 +55,7 @@ class Workspace(NamedTuple):
     patch: np.ndarray
     """Interpolated values, one pixel farther than the window."""
     window: Window
-    """Window of the first image; its lines are as long as those of the others."""
+    """Window of the first image, with lines as long as those of the other buffers."""
 
 
 def blank_workspace(half: int) -> Workspace:
@@ -263,7 +263,9 @@ def _normal_matrix(gx: np.ndarray, gy: np.ndarray) -> tuple[float, float, float]
 def _mismatch(
     pixels: np.ndarray, begin: int, weights: Weights, window: Window
 ) -> tuple[float, float]:
-    """Sums of gradient times (second image - first image) over a window that begins at ``begin``.
+    """Sums of gradient times (second image - first image), for a window that begins at ``begin``.
+
+    ``begin`` is an index into ``pixels``.
     """
     line, grey, gx, gy = window.line, window.grey, window.gx, window.gy
     bx, by = np.float32(0.0), np.float32(0.0)

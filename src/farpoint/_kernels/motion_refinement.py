@@ -54,19 +54,19 @@ class MotionSummary(NamedTuple):
     laplace_factor: float
     """Result of `hypothesis_comparison.laplace_factor`."""
     agreeing: int
-    """Number of matches that are no outliers."""
+    """Number of matches that are not outliers."""
     sign_log_odds: float
-    """Log odds of the direction to its opposite."""
+    """Log odds of the direction against the opposite direction."""
     log_odds: float
-    """Log odds of the motion to all matches being outliers."""
+    """Log odds of the motion against the hypothesis that all matches are outliers."""
     beyond_rotation: int
     """Number of inliers in the search that no rotation explains."""
     supporting: int
     """Number of inliers in the search."""
     has_shrunk_flow: bool
-    """Whether the covariance is by the shrunk flow (BLUP)."""
+    """Whether the covariance was computed with shrunk flow (BLUP)."""
     shows_direction: bool
-    """Whether enough of the shrunk flow is signal."""
+    """Whether the share of signal in the shrunk flow is large enough for a direction."""
     scales_with_parallax: bool
     """Whether noise that scales with parallax was found significant."""
 
@@ -81,14 +81,14 @@ class MotionBuffers(NamedTuple):
     t: np.ndarray
     """(3,) direction cam1_from_cam0."""
     mixture: np.ndarray
-    """(4,) as of `pose.Pose`."""
+    """(4,) noise parameters; see `pose.Pose`."""
     per_match: np.ndarray
     """(4, at least N) per-match table: prior by the parallax density, and residual, parallax and
     inlier probability, as of `likelihood.evaluate_residuals`."""
     labels: np.ndarray
-    """(N,) as of `evidence.label_matches`."""
+    """(N,) labels; see `evidence.label_matches`."""
     covariance: np.ndarray
-    """(5, 5) of rotation and direction, rad^2, as of `covariance.covariance_here`."""
+    """(5, 5) covariance of rotation and direction, rad^2; see `covariance.covariance_here`."""
     R_close: np.ndarray
     """(3, 3) rotation of the second likeliest mode, if it is within the margin."""
     t_close: np.ndarray

@@ -37,9 +37,10 @@ class PackedMatches(NamedTuple):
     long_tail: float
     """`mixture.LONG_TAIL` or `mixture.SHORT_TAIL`."""
     min_variance: float
-    """Lower bound of the noise variance, in squared units of the noise: rounding."""
+    """Lower bound of the noise variance, due to rounding, in squared units of the noise."""
     max_variance: float
-    """Upper bound of the noise variance, without a tail; infinite: both are estimated freely."""
+    """Upper bound of the noise variance. A finite bound excludes a heavy tail; an infinite bound
+    leaves variance and tail free."""
     soft_cheirality: bool
     """Whether the cheirality penalty is a residual of the refinement.
 
@@ -60,7 +61,7 @@ class Pose(NamedTuple):
     """(4,) noise variance of the core; share of outliers among all matches, of the tail among
     inliers, and of repeated structure among outliers."""
     normal: np.ndarray
-    """(6, 6) normal equations, as of `likelihood.linearize`."""
+    """(6, 6) normal equations; see `likelihood.linearize`."""
     cost: np.ndarray
     """(1,) negative log likelihood."""
 

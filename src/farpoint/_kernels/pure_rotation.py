@@ -209,7 +209,9 @@ def _largest_parallax(matches: MatchProbabilities, sigma: float) -> float:
 
 @step_kernel
 def _common_parallax(matches: MatchProbabilities, sigma: float) -> tuple[float, float, float]:
-    """Number, and mean and variance of the parallax in sigma, of matches that both models explain.
+    """Number of matches that both models explain, and mean and variance of their parallax in sigma.
+
+    The two models are the general motion and the pure rotation.
     """
     count = middle = square = 0.0
     for i in range(matches.parallax.size):

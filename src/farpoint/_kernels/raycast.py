@@ -31,11 +31,11 @@ class Hit(NamedTuple):
     """First intersection of a ray."""
 
     distance: float
-    """In units of the length of the direction."""
+    """Distance, in units of the length of the direction."""
     surface: int
     """Number of a shape, or GROUND, SKY, or FIRST_RING and downwards for a ring of hills."""
     face: int
-    """Of a box: 0-3 the sides -x, +x, -z, +z; 4 top, 5 bottom."""
+    """Face of a box: 0 to 3 for the sides -x, +x, -z, +z, 4 for the top, 5 for the bottom."""
 
 
 @inlined_kernel

@@ -43,7 +43,7 @@ class Image(NamedTuple):
     values: np.ndarray
     """(V,) uint8."""
     place: int
-    """Index of its pixel (0, 0)."""
+    """Index of the image's pixel (0, 0)."""
     line: int
     """Stride from one line to the next."""
     width: int

@@ -331,7 +331,7 @@ class Odometry:
     def _without_perspective(
         self, tracks: Tracks, seconds: float, reference: _Reference
     ) -> tuple[Tracks, Searched | None]:
-        """The motion found by a search, and the tracks corrected for perspective by that motion."""
+        """The tracks corrected for perspective by the motion of a search, and this motion."""
         options = self.options.pose
         if not options.refine:
             return tracks, None

@@ -84,8 +84,7 @@ class Landmarks:
         return np.flatnonzero(self.slot == slot)
 
     def tracks_of(self, slot: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Ids (ascending), pixels and covariances of a keyframe's observations, as for `observe`.
-        """
+        """Ids (ascending), pixels and covariances of a keyframe's observations; see `observe`."""
         rows = self.observations_of(slot)
         rows = rows[np.argsort(self.point[rows])]
         return (
@@ -148,8 +147,7 @@ class Landmarks:
         self.point = row_of[self.point]
 
     def rays_at(self, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Rays of pixels (N, 2), derivatives of the rays by the lens, and whether all are finite.
-        """
+        """Rays of pixels (N, 2), derivatives by the lens, and whether rays and these are finite."""
         rays, by_lens = self._lens.rays_of(pixels)
         seen = np.isfinite(rays).all(axis=1) & np.isfinite(by_lens).all(axis=(1, 2))
         return rays, by_lens, np.asarray(seen)

@@ -315,8 +315,7 @@ class Window:
     def _equations(
         self, residuals: Residuals, linear: Linear, deviation: np.ndarray
     ) -> tuple[Normal, System]:
-        """Normal equations of the observations, and the system without points but with the prior.
-        """
+        """Normal equations of the observations, and the system with the prior, without points."""
         normal = residuals.normal(linear, self.landmarks.has_depth)
         reduced = normal.reduced(self._depth_damping())
         return normal, self._with_prior(reduced, deviation, self._baseline())

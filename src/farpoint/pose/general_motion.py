@@ -358,8 +358,7 @@ def _least_signal(matches: Matches) -> float:
 
 
 def _packed(matches: Matches, found: MotionBuffers) -> PackedMatches:
-    """The matches in the format of the kernels. The kernels write the parallax prior to ``found``.
-    """
+    """The matches in the format of the kernels, which write the parallax prior to ``found``."""
     return matches.packed(found.per_match[0], soft_cheirality=True)
 
 

@@ -78,8 +78,9 @@ class Matches:
         Half-width of the domain of outliers, in units of the noise. A uniform distribution over
         this domain has the second moment of the rays in camera 1.
     misspecification : float
-        Misspecification factor of the noise: the largest ratio between the true and the modelled
-        variance in one direction. 1 for independent noise without given covariances.
+        Misspecification factor of the noise: the factor by which the variance in one direction may
+        exceed the variance in another, compared with the noise model. 1 for independent noise
+        without given covariances.
     design_effect : float
         Variance of a motion divided by the variance for independent residuals.
     given_noise : GivenNoise or None
@@ -87,7 +88,7 @@ class Matches:
     min_variance : float
         Lower bound of the noise variance, due to rounding of coordinates.
     max_variance : float
-        Upper bound of the noise variance, infinite for no bound. Noise at the bound has no heavy
+        Upper bound of the noise variance, infinite for no bound. A finite bound excludes a heavy
         tail.
     """
 
@@ -184,7 +185,7 @@ class Matches:
 
 
 Unrolled = Callable[[int, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
-"""Others of the rays (N, 3) of image 0 or 1, and of their derivatives by the pixel (N, 3, 2)."""
+"""New rays (N, 3), and derivatives (N, 3, 2) by the pixel, from those of image 0 or 1."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -24,7 +24,7 @@ class PoseOrder(StrEnum):
     """``[rotation, translation]`` of ``cam1_from_cam0`` as a twist on the left, in camera 1's axes:
     ``T_true = Exp([dtheta, dtau]) @ T``. This is the order of pycolmap's functions on covariances
     of ``Rigid3d``. GTSAM's twist on the right of the pose of camera 1 in camera 0 is the negative
-    of this twist, so its covariance is the same matrix."""
+    of this twist, so the covariance of GTSAM's twist is the same matrix."""
 
 
 def pose_covariance_in(

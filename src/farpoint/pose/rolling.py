@@ -102,8 +102,7 @@ def estimate_rolling(
 def _closer(
     shutter: Shutter, pixels: PixelMatches, searched: Searched
 ) -> tuple[GeneralMotionFit, np.ndarray]:
-    """The likelier of the searched motions after correction of the rows, and its rotation vector.
-    """
+    """The likelier motion of ``searched`` after correction of the rows, and its rotation vector."""
     closer = _closer_to(shutter, pixels, searched.fit, searched.theta)
     if searched.other is None:
         return closer

@@ -61,8 +61,7 @@ class ImagingOptions:
 
     @property
     def exposure_delays_s(self) -> np.ndarray:
-        """Times (K,), s, of the images that are averaged, relative to the middle of the exposure.
-        """
+        """Times (K,), s, of the averaged images, relative to the middle of the exposure."""
         if self.exposure_s == 0.0:
             return np.zeros(1)
         count = self.exposure_samples

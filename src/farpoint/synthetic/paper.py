@@ -53,7 +53,7 @@ def paper_protocol(
 
     The paper gives these numbers and the variance of the noise. All other values are assumptions.
     The 89.8 matches are assumed to include the 20 outliers, which is the harder case.
-    ``mean_matches=109.8`` gives the case without the outliers. The number of inliers
+    ``mean_matches=109.8`` gives the case that the outliers are additional. The number of inliers
     has a Poisson distribution and is at least 10. 50 % of the inliers are near, at 1-4 m, and 50 %
     are far, at 200-1000 m. The rotation is up to 5 degrees about each axis. The translation has a
     random direction and a length of 1 to 5 cm.

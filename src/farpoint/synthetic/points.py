@@ -25,9 +25,10 @@ class OutlierKind(Enum):
     """Distribution of the outliers."""
 
     UNIFORM = "uniform"
-    """Anywhere in the second image."""
+    """Outliers lie anywhere in the second image."""
     EPIPOLAR = "epipolar"
-    """Anywhere on the epipolar line of the first point: no epipolar test can detect them."""
+    """Outliers lie anywhere on the epipolar line of the first point, so no epipolar test can
+    detect them."""
 
 
 @dataclass(frozen=True, kw_only=True)

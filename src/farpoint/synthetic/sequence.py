@@ -255,8 +255,7 @@ def render_drive(
 
 
 def _ray_tables(camera: Camera, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """Rays (H, W, 3) of all pixels, and the change (H, W, 3, 2) to the next pixel right and down.
-    """
+    """Rays (H, W, 3) of all pixels, and changes (H, W, 3, 2) to the next pixel right and down."""
     width, height = size
     columns, rows = np.meshgrid(np.arange(width), np.arange(height))
 
