@@ -1,3 +1,4 @@
-"""Compiled loops, which take plain arrays and write into buffers of the caller. They import numpy
-and numba only.
+"""Compiled loops, which take plain arrays and write into buffers of the caller.
+
+The modules of this package import only numpy and numba.
 """

@@ -2,8 +2,8 @@
 
 With the gradients ``gx, gy`` and the contrast ``c = mean - I0``, a pixel ``(u, v)`` of a window has
 the derivatives ``[gx, gy, gx u, gx v, gy u, gy v, c, -1]`` by the parameters of `affine_match`.
-Only the factors that differ from pixel to pixel are stored; products are formed where they are
-summed.
+Only the factors that differ from pixel to pixel are stored. The products are computed during
+summation.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ Nine = tuple[float, float, float, float, float, float, float, float, float]
 
 
 class Template(NamedTuple):
-    """Window of the first image, with the Jacobian of its residual."""
+    """Window of the first image, with the factors of the residual's Jacobian."""
 
     window: Window
     """Gradients of the second image as predicted by the prior, after `linearise`."""
     contrast: np.ndarray
-    """(S,) mean of the window minus its values."""
+    """(S,) mean of the window's values minus the value of each pixel."""
     u: np.ndarray
     """(S,) px to the right of the centre."""
     v: np.ndarray
@@ -43,7 +43,7 @@ class Template(NamedTuple):
 
 
 def blank_template(half: int) -> Template:
-    """Buffers of a template; ``u`` and ``v`` are filled in."""
+    """Buffers of a template, with ``u`` and ``v`` already filled in."""
     width = 2 * half + 1
     window = blank_window(half, line_px(width))
     size = width * window.line
@@ -55,9 +55,9 @@ def blank_template(half: int) -> Template:
 
 @step_kernel
 def linearise(template: Template, expected: np.ndarray) -> None:
-    """Transform Scharr's gradients into those predicted for the second image; set the contrast.
+    """Predict the gradients of the second image, and set the contrast.
 
-    The predicted gradients are ``inv(I + M).T`` times those of the first image.
+    The predicted gradients are ``inv(I + M).T`` times the Scharr gradients of the first image.
     """
     window, contrast = template.window, template.contrast
     grey, gx, gy, inside = window.grey, window.gx, window.gy, window.inside
@@ -83,7 +83,7 @@ def _dot(a: np.ndarray, b: np.ndarray) -> np.floating:
 
 @inner_kernel
 def jacobian_times(template: Template, step: np.ndarray, out: np.ndarray) -> None:
-    """Jacobian times a step of the parameters: predicted change of every pixel."""
+    """Jacobian times a step of the parameters, which is the predicted change of every pixel."""
     window, contrast, us, vs = template.window, template.contrast, template.u, template.v
     gx, gy, inside = window.gx, window.gy, window.inside
     x, y, xu, xv = (
@@ -106,7 +106,7 @@ def jacobian_times(template: Template, step: np.ndarray, out: np.ndarray) -> Non
 
 @sum_kernel
 def jacobian_products(template: Template, values: np.ndarray) -> Nine:
-    """Jacobian transposed times values; the last element is the sum of the squared values."""
+    """Transposed Jacobian times values. The last element is the sum of the squared values."""
     window, contrast, us, vs = template.window, template.contrast, template.u, template.v
     gx, gy, inside = window.gx, window.gy, window.inside
     zero = np.float32(0.0)
@@ -174,7 +174,7 @@ def normal_matrix(template: Template, normal: np.ndarray) -> None:
 
 @inner_kernel
 def _fill(sums: Nine, a: int, sign: float, normal: np.ndarray) -> None:
-    """Set row and column ``a``."""
+    """Set row and column ``a`` of the normal matrix."""
     for b in range(AFFINE_PARAMETERS):
         normal[a, b] = sign * sums[b]
         normal[b, a] = normal[a, b]

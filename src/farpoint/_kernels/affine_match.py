@@ -4,10 +4,10 @@ For every pixel ``w = (u, v)`` of a window, counted from its centre, the model i
 
     I1(p1 + d + (I + M) w) = (1 + gain) (I0(p0 + w) - mean) + mean + offset
 
-with the eight parameters ``theta = [d (2), M by rows (4), gain, offset]`` and a Gaussian prior on
-all but ``d``. Gauss-Newton uses the gradients of the first image, transformed by the expected warp,
-so that the normal matrix is built once (Baker and Matthews, "Lucas-Kanade 20 Years On", IJCV 56,
-2004).
+The eight parameters are ``theta = [d (2), M by rows (4), gain, offset]``. All parameters except
+``d`` have a Gaussian prior. Gauss-Newton uses the gradients of the first image, transformed by the
+expected warp, so that the normal matrix is computed only once (Baker and Matthews, "Lucas-Kanade 20
+Years On", IJCV 56, 2004).
 """
 
 from __future__ import annotations
@@ -62,12 +62,12 @@ class ParameterPrior(NamedTuple):
 
 
 class Matched(NamedTuple):
-    """Matches and their statistics."""
+    """Matches and statistics of the matches."""
 
     points: np.ndarray
-    """(N, 2) pixels in the second image: in, initial; out, matched."""
+    """(N, 2) pixels in the second image. In: initial pixels. Out: matched pixels."""
     warps: np.ndarray
-    """(N, 2, 2) ``I + M``: in, initial values and means of the prior; out, matched."""
+    """(N, 2, 2) warps ``I + M``. In: initial warps and means of the prior. Out: matched warps."""
     covariances: np.ndarray
     """(N, 2, 2) covariance of the point, px^2; NaN without a match (window outside an image, no
     texture)."""
@@ -79,7 +79,7 @@ class Matched(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """Buffers for one match after the other."""
+    """Buffers that are used for one match after the other."""
 
     pixels: np.ndarray
     """Pixels of the first image around the window."""
@@ -97,7 +97,7 @@ class Workspace(NamedTuple):
     normal: np.ndarray
     """(8, 8) normal matrix."""
     factor: np.ndarray
-    """(8, 8) its lower Cholesky factor, with the diagonal inverted."""
+    """(8, 8) lower Cholesky factor of the normal matrix, with the diagonal inverted."""
     expected: np.ndarray
     """(8,) mean of the prior of the parameters."""
     theta: np.ndarray
@@ -108,7 +108,7 @@ class Workspace(NamedTuple):
 
 
 def blank_workspace(half: int) -> Workspace:
-    """Buffers to match windows of ``2 half + 1`` pixels."""
+    """Buffers to match windows that are ``2 half + 1`` pixels wide."""
     width = 2 * half + 1
     patch_line = line_px(width + 3)
     template = blank_template(half)
@@ -141,7 +141,7 @@ def match_windows(
     space: Workspace,
     matched: Matched,
 ) -> None:
-    """Refine matches of points0 (N, 2), px, in place, each with its covariance."""
+    """Refine the matches of ``points0`` (N, 2), px, in place, and compute their covariances."""
     points1, warps, template, theta = matched.points, matched.warps, space.template, space.theta
     for k in range(len(points0)):
         matched.covariances[k] = np.nan
@@ -166,14 +166,14 @@ def match_windows(
 
 @step_kernel
 def _expect(warp: np.ndarray, expected: np.ndarray) -> None:
-    """Parameters of a warp ``I + M``, without displacement or change of brightness."""
+    """Write the parameters of a warp ``I + M`` without displacement or change of brightness."""
     expected[2], expected[3] = warp[0, 0] - 1.0, warp[0, 1]
     expected[4], expected[5] = warp[1, 0], warp[1, 1] - 1.0
 
 
 @step_kernel
 def _take_template(image: Image, point: np.ndarray, space: Workspace) -> bool:
-    """Read the window around a point of the first image; False if it is not inside the image."""
+    """Read the window around a point of the first image; False if the window leaves the image."""
     template, patch_line, half = space.template, space.patch_line, space.template.window.half
     x, y, width = point[0] - half - 1, point[1] - half - 1, 2 * half + 3
     if not _holds(image, x, y, width):
@@ -187,7 +187,7 @@ def _take_template(image: Image, point: np.ndarray, space: Workspace) -> bool:
 
 @step_kernel
 def _holds(image: Image, x: float, y: float, width: int) -> bool:
-    """Whether the image contains all pixels of a window that begins at (x, y)."""
+    """Whether the image contains all pixels of a window whose first pixel is (x, y)."""
     left, top = math.floor(x), math.floor(y)  # of NaN, a negative number
     return left >= 0 and top >= 0 and left + width < image.width and top + width < image.height
 
@@ -200,9 +200,9 @@ def _fit(
     termination: Termination,
     space: Workspace,
 ) -> tuple[float, float]:
-    """Gauss-Newton iteration of the parameters.
+    """Fit the parameters by Gauss-Newton iteration.
 
-    The function returns the variance of the residual and the correlation of the windows; the
+    The function returns the variance of the residual and the correlation of the two windows. The
     variance is -1 if there is no match.
     """
     (x, y), precision = start, parameter_prior.precision
@@ -242,10 +242,10 @@ def _fit(
 def _factorise(
     normal: np.ndarray, precision: np.ndarray, variance: float, factor: np.ndarray
 ) -> bool:
-    """Lower Cholesky factor of the normal matrix with the priors; False if the matrix is not
-    positive definite.
+    """Lower Cholesky factor of the normal matrix with the priors.
 
-    The diagonal is inverted, because it is only used for divisions.
+    The result is False if the matrix is not positive definite. The diagonal of the factor is stored
+    inverted, because it is only used for divisions.
     """
     for a in range(AFFINE_PARAMETERS):
         for b in range(a + 1):

@@ -1,4 +1,4 @@
-"""Ambiguous motions: planar ambiguity and bas-relief ambiguity."""
+"""Motions that explain the matches nearly as well: planar and bas-relief ambiguity."""
 
 from __future__ import annotations
 
@@ -39,16 +39,17 @@ def second_planar_motion(
     other_R: np.ndarray,
     other_t: np.ndarray,
 ) -> bool:
-    """Second motion of a plane through the matches; False if there is none.
+    """Second motion of a plane through the matches; False if there is no second motion.
 
     The plane ``n . X = 1`` (camera 0, unit of the translation) is fitted to the inverse depths ``n
     . a`` of the matches. With ``tau = R^T t`` the homography of the plane is ``R (I + tau n^T)``. A
     second motion has the same homography: its rotation is R times that of the quaternion ``(2 + n .
     tau, n x tau)``, its direction is ``R (2 n + n . n tau)``, and its plane normal is along ``n + 2
-    tau``. For small motions translation and normal exchange their roles (Longuet-Higgins, Proc. R.
-    Soc. B 223, 1984, DOI 10.1098/rspb.1984.0088; relations of Malis and Vargas, INRIA RR-6303,
-    2007). The plane is in front of the camera; if most matches lie behind it, the signs of plane
-    and direction are reversed. Matches with a residual beyond ``gate`` are left out.
+    tau``. For small motions, the second motion has the translation along the first normal and the
+    normal along the first translation (Longuet-Higgins, Proc. R. Soc. B 223, 1984, DOI
+    10.1098/rspb.1984.0088; relations of Malis and Vargas, INRIA RR-6303, 2007). The plane must be
+    in front of the camera. If most matches lie behind the camera, the signs of plane and direction
+    are reversed. Matches with a residual beyond ``gate`` are left out.
     """
     inverse, accuracy, n = np.empty(count), np.empty(count), np.empty(3)
     direction = vector(t)
@@ -72,7 +73,7 @@ def second_planar_motion(
 
 @step_kernel
 def _ahead_of(pairs: np.ndarray, accuracy: np.ndarray, normal: Vector) -> int:
-    """Number of weighted matches with rays along a direction minus that of rays against it."""
+    """Number of weighted matches with rays along a direction minus number of those against it."""
     ahead = 0
     for i in range(accuracy.size):
         along = dot(normal, ray0(pairs, address(i)))
@@ -89,7 +90,10 @@ def _inverse_distances(
     inverse: np.ndarray,
     accuracy: np.ndarray,
 ) -> None:
-    """Inverse depth of each match, and its information (0 for a residual beyond the gate)."""
+    """Inverse depth of each match, and the information on the inverse depth.
+
+    The information is 0 for a match with a residual beyond the gate.
+    """
     tau = rotate_back(R, t)
     for i in range(inverse.size):
         at = address(i)
@@ -101,7 +105,7 @@ def _inverse_distances(
 
 @step_kernel
 def _inverse_distance(a: Vector, back: Vector, tau: Vector) -> tuple[float, float]:
-    """Inverse depth of a match, and the squared sine of its distance to the epipole."""
+    """Inverse depth of a match, and the squared sine of the angle between ray and epipole."""
     # back = l0 a + tau up to length: its cross product gives a x back = (back x tau) / l0.
     across = cross(back, tau)
     square = dot(across, across)
@@ -112,8 +116,8 @@ def _inverse_distance(a: Vector, back: Vector, tau: Vector) -> tuple[float, floa
 def _fit_plane(pairs: np.ndarray, inverse: np.ndarray, accuracy: np.ndarray, n: np.ndarray) -> bool:
     """Robust weighted fit of ``n . a`` to the inverse depths; False without a unique plane.
 
-    Weights fall for inverse depths above the median: a plane can fit an outlier or two with a large
-    inverse depth exactly.
+    The weights are smaller for inverse depths above the median, because a plane could otherwise fit
+    one or two outliers with a large inverse depth exactly.
     """
     sizes, consistent = np.empty(inverse.size), 0
     for i in range(inverse.size):
@@ -144,11 +148,11 @@ def bas_relief_motion(
 ) -> bool:
     """Bas-relief alternative of a motion; False without near and far points.
 
-    In a narrow field of view a rotation imitates the flow of points at one depth, for the part of
-    the direction across the mean ray. If the rotation explains the flow of the near points, the far
-    points flow in the opposite direction. The part of the direction along the mean ray stays,
-    because no rotation imitates it. Near points are those nearer than the median; matches with a
-    residual beyond ``gate`` are left out.
+    In a narrow field of view, a translation across the mean ray and a rotation cause nearly the
+    same flow of points at one depth. If a rotation explains the flow of the near points, the far
+    points flow in the opposite direction. The component of the direction along the mean ray does
+    not change, because no rotation causes the same flow. Points nearer than the median depth are
+    near points. Matches with a residual beyond ``gate`` are left out.
     """
     M, nearness, ahead = np.empty((3, 3)), np.empty(count), np.empty(3)
     clear(M)

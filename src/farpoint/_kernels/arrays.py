@@ -11,7 +11,7 @@ __all__ = ["clear", "copy"]
 
 @inner_kernel
 def copy(source: np.ndarray, target: np.ndarray) -> None:
-    """``target[...] = source``, both in C order and of one size."""
+    """``target[...] = source`` for arrays in C order with the same number of elements."""
     for i in range(target.size):
         target.flat[i] = source.flat[i]
 

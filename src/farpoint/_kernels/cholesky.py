@@ -1,8 +1,8 @@
 """Positive definite matrices of some tens of rows: Cholesky factor, solution, inverse, elimination.
 
-BLAS is not used: for matrices of this size the threads of BLAS wait for each other longer than a
-product takes. The loops are plain `numba.njit` functions: they take arrays and write into arrays of
-the caller.
+BLAS is not used, because for matrices of this size the threads of BLAS wait for each other longer
+than a product takes. The functions are compiled with plain `numba.njit`. They take arrays and write
+into arrays of the caller.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _loop: Any = njit(cache=True, error_model="numpy", fastmath={"reassoc", "contrac
 
 @_loop
 def factorise(H, damping, unit, L):
-    """Lower factor L (D, D) of ``H`` in units (D,) that make its diagonal ``1 + damping``.
+    """Lower factor L (D, D) of ``H``, scaled by ``unit`` (D,) to the diagonal ``1 + damping``.
 
     Returns
     -------
@@ -51,7 +51,7 @@ def factorise(H, damping, unit, L):
 
 @_loop
 def solve(L, unit, g, x):
-    """Solve ``H x = g`` by the factor of H."""
+    """Solve ``H x = g`` with the factor of H."""
     n = len(g)
     for i in range(n):
         total = g[i] * unit[i]
@@ -68,7 +68,7 @@ def solve(L, unit, g, x):
 
 @_loop
 def invert(L, unit, columns, out):
-    """Inverse of H (D, D) from its factor; ``columns`` (D, D) is a buffer."""
+    """Inverse of H (D, D) from the factor of H; ``columns`` (D, D) is a buffer."""
     n = len(L)
     # Columns of the inverse factor, each in a row.
     for j in range(n):
@@ -116,8 +116,9 @@ def eliminate_points(coupling, point_h, point_g, damping, H, g):
 
 @_loop
 def point_variances(rows, coupling, point_h, covariance, variances):
-    """Variances (R,) of the inverse depths of points, with the covariance (D, D) of the other
-    unknowns.
+    """Variances (R,) of the inverse depths of the points in ``rows``.
+
+    ``covariance`` (D, D) is the covariance of the other unknowns.
     """
     D = len(covariance)
     where, values = np.empty(D, np.int64), np.empty(D)

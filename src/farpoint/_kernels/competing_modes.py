@@ -1,8 +1,9 @@
-"""Modes in other directions of nearly the same likelihood.
+"""Modes of the likelihood in other directions, with nearly the same likelihood.
 
-With little parallax a rotation imitates the flow of a translation, and the remaining translation
-has another direction: the likelihood has several maxima, each with a small covariance of its own. A
-subsample of the matches finds such a mode; more matches give the log-likelihood ratio.
+With little parallax, a rotation can explain most of the flow of a translation, and another
+translation explains the remaining flow. The likelihood then has several maxima, each with a small
+covariance. Such a mode is found with a subsample of the matches, and the log-likelihood ratio is
+computed with more matches.
 """
 
 from __future__ import annotations
@@ -33,8 +34,8 @@ def likeliest_other_mode(
 ) -> float:
     """Log-likelihood ratio of a pose to the likeliest mode in another direction.
 
-    Both likelihoods are averaged over the poses nearby (Laplace). Local searches start at the
-    rotation ``start_R`` (3, 3), from `START_DIRECTIONS` directions, with the noise of ``pose``.
+    Both likelihoods are averaged over nearby poses (Laplace). Local searches start at the rotation
+    ``start_R`` (3, 3) and `START_DIRECTIONS` directions, with the noise of ``pose``.
     ``mode`` receives the likeliest mode; the ratio is infinite if no mode is within the margin of
     `hypothesis_comparison.refine_if_competitive`. ``pose`` stays unchanged.
     """
@@ -56,7 +57,7 @@ def likeliest_other_mode(
 def compare_with_mode(matches: PackedMatches, pose: Pose, mode: Pose) -> float:
     """Log-likelihood ratio of a pose to a given mode, which is refined in place.
 
-    Infinite if the mode converges to the direction of ``pose``.
+    The ratio is infinite if the mode converges to the direction of ``pose``.
     """
     own = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
     _refine_from(matches, pose.R, pose.t, pose.mixture, own)
@@ -68,7 +69,7 @@ def compare_with_mode(matches: PackedMatches, pose: Pose, mode: Pose) -> float:
 def _refine_from(
     matches: PackedMatches, R: np.ndarray, t: np.ndarray, mixture: np.ndarray, pose: Pose
 ) -> None:
-    """Local maximum of the likelihood from this start, with its noise parameters."""
+    """Local maximum of the likelihood near ``R, t``, with noise parameters."""
     _start_from(R, t, mixture, pose)
     refine(matches, COARSE_STEPS, pose)
 

@@ -27,12 +27,12 @@ __all__ = [
 
 
 def forget_stale(folder: Path, *called: Path) -> None:
-    """Remove compiled code in ``folder`` that is older than a source in this folder or in the
-    ``called`` folders.
+    """Remove compiled code in ``folder`` that is older than a source file on which it may depend.
 
-    numba compares the file of a kernel only, not the files of the kernels that it calls. After a
-    ``git pull``, old and new kernels would therefore call each other. With ``NUMBA_CACHE_DIR`` set,
-    the cache is in a subfolder there, named after the folder of the sources.
+    These source files are in ``folder`` and in the ``called`` folders. numba checks only the file
+    of a kernel itself, not the files of the kernels that this kernel calls. After a ``git pull``,
+    old and new kernels would therefore call each other. If ``NUMBA_CACHE_DIR`` is set, the cache is
+    in a subfolder of that folder, named after the folder of the sources.
     """
     sources = (source for each in (folder, *called) for source in each.glob("*.py"))
     changed = max((source.stat().st_mtime for source in sources), default=0.0)

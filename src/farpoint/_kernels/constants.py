@@ -14,7 +14,7 @@ import numpy as np
 
 
 def _ends(*sizes: int) -> tuple[int, ...]:
-    """Index after each of the fields of an array, from their sizes."""
+    """For each field of an array, the index after the field, from the sizes of the fields."""
     return tuple(accumulate(sizes))
 
 

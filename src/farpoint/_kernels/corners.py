@@ -1,7 +1,7 @@
 """Corner strength of every pixel, and local maxima.
 
-Loops along a line of the image are written for vector instructions. Floats are float32, which is
-exact for gradients and their sums, because both are whole numbers.
+Loops along a line of the image are written for vector instructions. Floats are float32. Gradients
+and sums of gradients are whole numbers, for which float32 is exact.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ __all__ = ["corner_strength", "strongest_places"]
 
 @kernel
 def corner_strength(image: np.ndarray, block: int, strength: np.ndarray) -> None:
-    """Mean squared gradient in the weakest direction, over blocks of pixels (Shi-Tomasi).
+    """Mean squared gradient over a block of pixels, in the direction with the least (Shi-Tomasi).
 
     Parameters
     ----------
     image : ndarray of uint8, shape (H, W)
     block : int
-        Width and height of the blocks, px; even ones reach a pixel farther left and up.
+        Width and height of the blocks, px. An even block reaches one pixel farther left and up.
     strength : ndarray of float32, shape (H, W)
-        Out: smallest eigenvalue of the gradients' second moments (Sobel), grey levels^2 per px^2;
-        0 where the block leaves the image.
+        Out: smallest eigenvalue of the second moments of Sobel gradients, grey levels^2 per px^2; 0
+        if the block leaves the image.
     """
     height, width = image.shape
     strength[:] = 0.0
@@ -59,8 +59,9 @@ def _move_on(
     xy: np.ndarray,
     yy: np.ndarray,
 ) -> None:
-    """In the running sums, replace the gradients of the line ``block`` lines ago by those of this
-    line.
+    """Add the gradients of a new line to the running sums, and subtract those of an old line.
+
+    The old line is ``block`` lines above the new line.
     """
     one, two = np.uintp(1), np.uintp(2)
     twice = np.float32(2.0)
@@ -80,7 +81,7 @@ def _move_on(
 
 @inner_kernel
 def _sum_along(values: np.ndarray, block: int, sums: np.ndarray) -> None:
-    """Sums of ``block`` neighbours, at the index of the first."""
+    """Sums of ``block`` neighbours, stored at the index of the first neighbour."""
     count = np.uintp(len(values) - block)
     for i in range(count):
         sums[i] = values[i]
@@ -98,7 +99,7 @@ def _weakest(
     block: int,
     line: np.ndarray,
 ) -> None:
-    """Smallest eigenvalues, each at the centre of its block."""
+    """Smallest eigenvalues, stored at the centres of the blocks."""
     half = np.float32(0.5)
     for i in range(np.uintp(1), np.uintp(len(xx) - block)):
         mean, difference = half * (xx[i] + yy[i]), half * (xx[i] - yy[i])
@@ -115,7 +116,7 @@ def strongest_places(
     taken: np.ndarray,
     places: np.ndarray,
 ) -> int:
-    """Local maxima within ``reach`` along either axis; returns their number.
+    """Find the local maxima within squares of half width ``reach``; returns their number.
 
     Parameters
     ----------
@@ -127,7 +128,8 @@ def strongest_places(
     taken : ndarray of bool, shape (H, W)
         Pixels that are excluded.
     places : ndarray of int64, shape (C, 2)
-        Out: column and row; at most one per square of ``reach + 1`` pixels.
+        Out: column and row of each maximum. There is at most one maximum per square of ``reach +
+        1`` pixels.
     """
     height, width = strength.shape
     size = reach + 1

@@ -1,4 +1,4 @@
-"""Covariance of a pose, and its average over the poses nearby."""
+"""Covariance of a pose, and mean of the covariance over nearby poses."""
 
 from __future__ import annotations
 
@@ -43,15 +43,15 @@ MEASURED_FLOW, SHRUNK_FLOW = np.bool_(False), np.bool_(True)
 def covariance_here(
     point: LinearisationPoint, inliers: float, shrunk_flow: bool, least: float, out: np.ndarray
 ) -> bool:
-    """Covariance ``out`` (5, 5) of the pose, with this expected number of ``inliers``.
+    """Covariance ``out`` (5, 5) of the pose; ``inliers`` is the expected number of inliers.
 
-    The covariance is the sandwich ``H^-1 V H^-1``. H is the Gauss-Newton matrix of `information`;
-    with the measured flow, the part of H due to noise is subtracted. V is the variance of the
-    gradient: a weighted mean of the Gauss-Newton matrix and the scatter over the matches. The
+    The covariance is the sandwich ``H^-1 V H^-1``. H is the Gauss-Newton matrix of `information`.
+    Without ``shrunk_flow``, the part of H that is due to noise is subtracted. V is the variance of
+    the gradient: a weighted mean of the Gauss-Newton matrix and the scatter over the matches. The
     weight of the scatter grows with the effective number of matches. The function returns whether
-    at least a share ``least`` of the matrix is signal, along every axis. If not, ``out`` is
-    infinite for the measured flow. ``out`` is also infinite if the matches determine no pose, or if
-    all labels are uncertain.
+    at least a share ``least`` of the Gauss-Newton matrix is signal, along every axis. If this share
+    is not reached and the flow is not shrunk, ``out`` is infinite. ``out`` is also infinite if the
+    matches determine no pose, or if all labels are uncertain.
     """
     normal, noise, spare = np.empty((6, 6)), np.empty((5, 5)), np.empty((5, 5))
     scatter, variance, whole = np.empty((5, 5)), np.empty((5, 5)), np.empty((5, 5))
@@ -92,7 +92,7 @@ def step_with_shrunk_flow(point: LinearisationPoint) -> None:
 
 @inlined_kernel
 def _scatter_weight(effective: float) -> float:
-    """Weight of the scatter, 0 to 1, for this effective number of matches."""
+    """Weight of the scatter, 0 to 1, for an ``effective`` number of matches."""
     return effective / (effective + MODEL_VARIANCE_WEIGHT)
 
 
@@ -100,10 +100,11 @@ def _scatter_weight(effective: float) -> float:
 def _estimated_noise_factor(inliers: float, effective: float) -> float:
     """Factor on the information for the estimated noise variance and the estimated scatter.
 
-    The estimated noise variance divides the information by `finite_sample_inflation`. Along one
-    axis the scatter is that of effective / `POSE_PARAMETERS` matches. The relative variance of the
-    scatter, 2 over that number, times the squared weight of the scatter, adds to the inverse of the
-    factor.
+    Because the noise variance is estimated, the information is divided by
+    `finite_sample_inflation`. Because the scatter is estimated, too, a second term is added to the
+    inverse of the factor: the relative variance of the scatter times the squared weight of the
+    scatter. Along one axis, the scatter is an estimate from n = effective / `POSE_PARAMETERS`
+    matches, with the relative variance 2 / n.
     """
     scatter_weight = _scatter_weight(effective)
     scattered = (
@@ -114,11 +115,11 @@ def _estimated_noise_factor(inliers: float, effective: float) -> float:
 
 @kernel
 def finite_sample_inflation(freedom: float) -> float:
-    """Inflation of a covariance whose variance was estimated with f degrees of freedom.
+    """Inflation of a covariance whose noise variance was estimated with f degrees of freedom.
 
-    Squared errors follow ``5 F(5, f)``: relative to a known variance, their expectation is ``f / (f
-    - 2)`` times as large, and their 95 % quantile ``1 + 4 / f + 12 / f^2`` times (to 3 %). The
-    factor is the mean of both.
+    Squared errors have the distribution ``5 F(5, f)``. Compared with a known variance, the
+    expectation of squared errors is larger by the factor ``f / (f - 2)``, and the 95 % quantile by
+    the factor ``1 + 4 / f + 12 / f^2`` (to 3 %). The inflation is the mean of these two factors.
     """
     on_average, for_most = freedom / (freedom - 2.0), 1.0 + (4.0 + 12.0 / freedom) / freedom
     return 0.5 * (on_average + for_most)
@@ -126,7 +127,7 @@ def finite_sample_inflation(freedom: float) -> float:
 
 @inlined_kernel
 def _add_direction_prior(information: np.ndarray) -> None:
-    """Add the prior of one radian sigma on the direction: the sphere is bounded."""
+    """Add a prior of 1 rad sigma on the direction, because the sphere is bounded."""
     for i in (3, 4):
         information[i, i] += 1.0
 
@@ -139,13 +140,13 @@ def covariance_around(
     covariance: np.ndarray,
     out: np.ndarray,
 ) -> None:
-    """Mean ``out`` (5, 5) of the covariance over the poses within the covariance itself.
+    """Mean ``out`` (5, 5) of the covariance over the poses within one sigma of this pose.
 
-    The mean is taken to second order: the ``covariance`` at this pose plus the mean excess at the
-    poses one sigma to either side along each principal axis, weighted by their likelihood. Along
-    any axis the excess is between 0 and `MAX_COVARIANCE_EXCESS` times the covariance. If the
-    variance of the direction grows by more than `REPEAT_AVERAGE_ABOVE`, the average is repeated
-    over the larger covariance.
+    The mean is computed to second order: the ``covariance`` at this pose plus a mean excess. The
+    excess is evaluated at the two poses one sigma from this pose along each principal axis, and the
+    poses are weighted by their likelihood. Along every axis the excess is limited to between 0 and
+    `MAX_COVARIANCE_EXCESS` times the covariance. If the variance of the direction grows by more
+    than `REPEAT_AVERAGE_ABOVE`, the mean is computed again with the larger covariance.
     """
     allowed = np.empty((5, 5))
     copy(covariance, out)
@@ -169,7 +170,7 @@ def _average(
     allowed: np.ndarray,
     out: np.ndarray,
 ) -> None:
-    """The ``covariance`` (5, 5) plus its mean excess over the poses within ``allowed``."""
+    """The ``covariance`` (5, 5) plus the mean excess at poses within the covariance ``allowed``."""
     steps, variances = np.empty((5, 5)), np.empty(5)
     excess, half = np.empty((5, 5)), np.empty((5, 5))
     _half_axes(allowed, steps, variances)
@@ -192,8 +193,9 @@ def _average(
 
 @inner_kernel
 def _half_axes(covariance: np.ndarray, out: np.ndarray, variances: np.ndarray) -> None:
-    """Principal axes of a covariance (5, 5), each times its sigma, in the rows of ``out``; returns
-    the variances.
+    """Write the principal axes of a covariance (5, 5), times their sigmas, to the rows of ``out``.
+
+    The variances are written to ``variances``.
     """
     values, axes = np.empty((5, 5)), np.empty((5, 5))
     copy(covariance, values)
@@ -206,7 +208,7 @@ def _half_axes(covariance: np.ndarray, out: np.ndarray, variances: np.ndarray) -
 
 @inlined_kernel
 def _along(A: np.ndarray, B: np.ndarray, i: int, j: int) -> float:
-    """An element of ``A @ B`` (5, 5)."""
+    """Element (i, j) of ``A @ B`` (5, 5)."""
     total = 0.0
     for k in range(5):
         total = total + A[i, k] * B[k, j]
@@ -222,11 +224,11 @@ def _mean_excess(
     steps: np.ndarray,
     out: np.ndarray,
 ) -> None:
-    """Mean excess ``out`` (5, 5) over a ``covariance``, one sigma along each axis, both ways.
+    """Mean excess ``out`` (5, 5) over a ``covariance`` at the poses moved by plus or minus a step.
 
-    ``steps`` (5, 5) are the rows. The two poses of an axis are weighted by their likelihood,
-    averaged over the poses nearby. Without enough signal, the covariance at a pose is ``1 +
-    MAX_EXCESS`` times ``covariance``.
+    The rows of ``steps`` (5, 5) are the steps, one for each principal axis. The two poses of an
+    axis are weighted by their likelihoods, which are averaged over nearby poses. If there is not
+    enough signal at a pose, its covariance is taken as ``1 + MAX_EXCESS`` times ``covariance``.
     """
     back = np.empty(5)
     clear(out)
@@ -252,7 +254,7 @@ def _add_beside(
     weight: float,
     out: np.ndarray,
 ) -> None:
-    """Add the covariance at this pose moved by a ``step``, times a weight."""
+    """Add to ``out`` the covariance at the pose moved by a ``step``, times a weight."""
     there = np.empty((5, 5))
     shows = covariance_beside(point, inliers, shrunk_flow, step, there)
     for i in range(5):
@@ -263,9 +265,7 @@ def _add_beside(
 
 @inner_kernel
 def _log_likelihood_beside(point: LinearisationPoint, step: np.ndarray) -> float:
-    """Log likelihood at this pose moved by a ``step`` (5,), averaged over the poses nearby
-    (Laplace).
-    """
+    """Log likelihood at the pose moved by a ``step`` (5,), averaged over nearby poses (Laplace)."""
     moved_R, moved_t, normal, shares = np.empty((3, 3)), np.empty(3), np.empty((6, 6)), np.empty(4)
     copy(point.R, moved_R)
     copy(point.t, moved_t)
@@ -289,9 +289,9 @@ def covariance_beside(
 ) -> bool:
     """Covariance ``out`` (5, 5) if the true pose is that of ``point`` moved by a ``step`` (5,).
 
-    The covariance is computed as by `covariance_here`, in the tangent basis of ``point``. The moved
-    pose is not a maximum of the likelihood, so the scatter of the gradients at this pose is not
-    used. The function returns False without enough signal.
+    The covariance is computed as in `covariance_here`, in the tangent basis of ``point``. The
+    scatter of the gradients is not used, because the moved pose is not a maximum of the likelihood.
+    The function returns False if there is not enough signal.
     """
     moved_R, moved_t, there = np.empty((3, 3)), np.empty(3), np.empty((5, 5))
     normal, noise, scatter = np.empty((6, 6)), np.empty((5, 5)), np.empty((5, 5))

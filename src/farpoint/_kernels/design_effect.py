@@ -27,10 +27,10 @@ __all__ = ["correlation_and_design_effect", "design_effect"]
 def correlation_and_design_effect(
     pairs: np.ndarray, residual: np.ndarray, inlier: np.ndarray, count: int, sigma: float
 ) -> tuple[float, float, float]:
-    """Patch correlation of inlier residuals, its z-score, and the `design_effect`.
+    """Correlation of neighbouring inlier residuals, z-score of this correlation, `design_effect`.
 
-    The correlation is that of `residual_correlation`; detections of the same point count as
-    neighbours, too. For few inliers the values are 0, 0 and 1. The design effect is 1 if the
+    The correlation is that of `residual_correlation`. Two detections of the same point count as
+    neighbours, too. For few inliers the results are 0, 0 and 1. The design effect is 1 if the
     correlation is not significant.
     """
     rows = _right(inlier, count)
@@ -47,7 +47,7 @@ def correlation_and_design_effect(
 
 @step_kernel
 def _each_by_itself(count: int) -> np.ndarray:
-    """A patch of its own for each match."""
+    """Patch numbers that put each match into a separate patch."""
     patch = np.empty(count, np.int64)
     for i in range(count):
         patch[i] = i
@@ -70,11 +70,12 @@ def _right(inlier: np.ndarray, count: int) -> np.ndarray:
 
 @inner_kernel
 def design_effect(pairs: np.ndarray, residual: np.ndarray, rows: np.ndarray, sigma: float) -> float:
-    """Variance of sums of residuals over that of independent residuals (Kish's deff).
+    """Variance of sums of residuals, divided by that of independent residuals (Kish's deff).
 
-    ``sum S^2 / n`` over 16 parts of the image, with S the sum of n residuals, has an expectation of
-    16 - 5 times the mean square if residuals are independent; 5 is the number of degrees of freedom
-    of the pose (Kish, "Survey Sampling", 1965). Only the matches in ``rows`` count.
+    The image has 16 parts, and S is the sum of the n residuals of a part. If residuals are
+    independent, the sum of ``S^2 / n`` over all parts has the expectation 16 - 5 times the mean
+    squared residual. 5 is the number of degrees of freedom of the pose (Kish, "Survey Sampling",
+    1965). Only the matches in ``rows`` count.
     """
     parts, sums, sizes = _parts(pairs, rows), np.empty(IMAGE_PARTS), np.empty(IMAGE_PARTS)
     clear(sums)
@@ -97,7 +98,7 @@ def design_effect(pairs: np.ndarray, residual: np.ndarray, rows: np.ndarray, sig
 
 @step_kernel
 def _parts(pairs: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Part of the image of each match, by its ray in camera 0."""
+    """For each match, the part of the image that contains its ray in camera 0."""
     rays, parts = np.empty(3 * rows.size), np.empty(rows.size, np.int64)
     for k in range(rows.size):
         ray = ray0(pairs, address(rows[k]))

@@ -1,8 +1,9 @@
 """Direction of translation at a known rotation: intersections of great circles.
 
-After the rotation a match moves along the great circle through both rays; all circles intersect at
-the direction of translation. The intersection of two circles is the cross product of their normals,
-wherever it lies: in the image, at 90 degrees or behind the camera.
+After the rotation, a match moves along the great circle through its two rays. The great circles of
+all matches intersect at the direction of translation. The intersection of two circles is the cross
+product of their normals. The intersection may lie in the image, at 90 degrees from the optical
+axis, or behind the camera.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ def circle(pairs: np.ndarray, R: Matrix, i: int) -> tuple[Vector, Vector]:
 
 @inner_kernel
 def intersect_circles(pairs: np.ndarray, R: np.ndarray, i: int, j: int, t: np.ndarray) -> bool:
-    """Direction ``t`` (3,) from matches ``i`` and ``j``, signed so that both flow towards it."""
+    """Direction ``t`` (3,) towards which both matches ``i`` and ``j`` flow."""
     rotation = matrix(R)
     normal0, flow0 = circle(pairs, rotation, i)
     normal1, flow1 = circle(pairs, rotation, j)
@@ -64,10 +65,11 @@ def pairwise_direction(
 ) -> None:
     """Weighted sum of all pairwise intersections (eqs. 14-17), by match.
 
-    ``partial[i]`` (N, 3) receives ``sum_j w_i w_j c_ij (n_i x n_j)`` with unit normals: the weight
-    of a pair is the sine of the angle between its circles, and the sign c = +-1 lets both matches
-    flow towards the intersection. Each pair is in two rows, so the sum over all rows is twice the
-    sum over pairs; to leave a match out, subtract its row once.
+    ``partial[i]`` (N, 3) receives ``sum_j w_i w_j c_ij (n_i x n_j)`` with unit normals n. The
+    length of the cross product, the sine of the angle between both circles, is a weight of the
+    pair. The sign c = +-1 is such that both matches flow towards the intersection. Each pair is in
+    two rows, so the sum over all rows is twice the sum over all pairs. To leave out a match,
+    subtract the row of the match from the sum over all pairs.
     """
     n = weight.size
     rotation = matrix(R)

@@ -15,11 +15,11 @@ __all__ = ["draw_discs"]
 def draw_discs(
     pixels: np.ndarray, centres: np.ndarray, radius: float, colour: tuple[float, float, float]
 ) -> None:
-    """Blend discs of one colour into (H, W, 3) pixels; parts outside are clipped.
+    """Blend discs of one colour into ``pixels`` (H, W, 3); parts outside the image are clipped.
 
-    The coverage of a pixel is linear in the distance from the rim: 1 at half a pixel inside the
-    disc, 0 at half a pixel outside. Rows of `centres` (N, 2) are finite x and y, counted from the
-    centre of the first pixel.
+    The coverage of a pixel is linear in the distance of the pixel from the edge of the disc: 1 at
+    half a pixel inside the disc, 0 at half a pixel outside. ``centres`` (N, 2) are finite x and y,
+    counted from the centre of the first pixel.
     """
     height, width = pixels.shape[0], pixels.shape[1]
     reach = radius + 0.5

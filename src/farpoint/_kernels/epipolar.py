@@ -6,8 +6,8 @@ noise, the variance of ``e`` is to first order ``sigma^2 g`` with
 
     g = q . R S_a R^T q + n . S_b n,     q = b x t,  n = t x m,     r = e / sqrt(g),
 
-and ``r`` is distributed as one coordinate of the noise. ``g`` depends on the pose, too: without its
-derivative the direction is 2.5 times less accurate at small baselines.
+and ``r`` is distributed as one coordinate of the noise. ``g`` depends on the pose, too. Without the
+derivative of ``g`` the direction is 2.5 times less accurate at small baselines.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def _constraint(
 
 @inlined_kernel
 def sampson(pairs: np.ndarray, at: int, R: Matrix, t: Vector) -> float:
-    """Residual of the match at this address, in units of the noise."""
+    """Residual of the match at the address ``at``, in units of the noise."""
     _, _, _, _, _, e, g = _constraint(pairs, at, R, t)
     return e / math.sqrt(g)
 
@@ -63,7 +63,7 @@ def sampson(pairs: np.ndarray, at: int, R: Matrix, t: Vector) -> float:
 def _row(
     inv: float, by_theta: Vector, by_t: Vector, basis: tuple[Vector, Vector], value: float
 ) -> tuple[float, float, float, float, float, float]:
-    """Derivative by ``[dtheta (3), dbeta (2)]`` and the value itself, both times ``inv``."""
+    """Derivative by ``[dtheta (3), dbeta (2)]`` and the ``value``, both times ``inv``."""
     return (
         inv * by_theta[0],
         inv * by_theta[1],
@@ -80,8 +80,8 @@ def sampson_jacobian(
 ) -> tuple[float, float, float, float, float, float]:
     """Full derivative of the residual by ``[dtheta (3), dbeta (2)]``, and the residual itself.
 
-    With ``f = e / g`` and ``dg / 2 = w . dq + z . dn`` (w turning with R):
-    ``dr = (de - f dg / 2) / sqrt(g)``.
+    The derivative is ``dr = (de - f dg / 2) / sqrt(g)`` with ``f = e / g`` and
+    ``dg / 2 = w . dq + z . dn``, where dq includes the rotation of ``S_a`` with R.
     """
     m, b, q, w, z, e, g = _constraint(pairs, at, R, t)
     inv = 1.0 / math.sqrt(g)
@@ -115,10 +115,10 @@ def parallax_variance(pairs: np.ndarray, at: int, R: Matrix, m: Vector, t: Vecto
 def shift_jacobian(
     pairs: np.ndarray, at: int, R: Matrix, t: Vector, basis: tuple[Vector, Vector]
 ) -> tuple[float, float, float, float, float, float]:
-    """Derivative of the flow over its sigma by ``[dtheta (3), dbeta (2)]``, and the value of this
-    ratio.
+    """Derivative of the flow over its sigma by ``[dtheta (3), dbeta (2)]``, and the ratio itself.
 
-    The variance is taken as constant; it hardly changes within a few sigma.
+    The flow is that of `flow_along`. The sigma is taken as constant, because the sigma hardly
+    changes with the pose, within the uncertainty of the pose.
     """
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
     flow, _ = flow_along(m, b, t)
@@ -131,7 +131,9 @@ def shift_jacobian(
 
 @inlined_kernel
 def variances(pairs: np.ndarray, at: int, R: Matrix, t: Vector) -> tuple[float, float]:
-    """Variances of the constraint, ``g``, and of the flow given the residual; for unit noise.
+    """Variance ``g`` of the constraint, and variance of the flow given the constraint.
+
+    Both variances are for unit noise.
 
     The flow is that of `flow_along`. With anisotropic noise, flow and constraint are correlated.
     """

@@ -31,14 +31,13 @@ def label_matches(
     outlier_share: float,
     labels: np.ndarray,
 ) -> tuple[int, float, float]:
-    """Label the matches; returns the number of inliers, the log odds of the sign, and the log odds
-    of the motion.
+    """Label the matches; returns the number of inliers and the log odds of sign and motion.
 
     The log odds of the motion are relative to the hypothesis that all matches are outliers;
     ``outlier_share`` is the share of outliers under the motion. ``labels`` (N,) receives 0 for an
-    outlier, 2 for an inlier with a parallax above `GATE_SIGMA`, else 1.
+    outlier, 2 for an inlier with a parallax above `GATE_SIGMA`, and 1 for any other match.
 
-    P is the inlier probability of a match and s its parallax in sigma. The match contributes
+    P is the inlier probability of a match, and s the parallax of the match in sigma. The match adds
     ``log((P Phi(s) + (1 - P) / 2) / (P Phi(-s) + (1 - P) / 2))`` to the log odds of the sign.
     """
     agreeing = 0
@@ -64,10 +63,11 @@ def count_beyond_rotation(
 ) -> tuple[int, int]:
     """Number of inliers beyond ``distance`` from every tested rotation, and number of all inliers.
 
-    ``inlier`` (N,) is 1 or 0; ``distance`` is in units of the noise. The rotations are ``R``,
-    ``other_R`` and the least-squares rotation, one step from ``R``; the one with most inliers
-    within the distance is used. The least-squares rotation corrects the part that a translation has
-    absorbed, but is not robust to outliers.
+    ``inlier`` (N,) is 1 or 0, and ``distance`` is in units of the noise. Three rotations are
+    tested: ``R``, ``other_R``, and the least-squares rotation, which is one step from ``R``. The
+    rotation with the most inliers within the distance is used. In the least-squares rotation, flow
+    that a translation had absorbed is explained by the rotation again, but this rotation is not
+    robust to outliers.
     """
     step, nearest = np.empty(3), np.empty((3, 3))
     H, g, sums, mixture = np.empty((3, 3)), np.empty(3), np.empty(4), np.empty(3)
@@ -86,9 +86,9 @@ def count_beyond_rotation(
 
 @kernel
 def find_stationary(pairs: np.ndarray, within: float, stationary: np.ndarray) -> int:
-    """Mark the ``stationary`` matches (N,); returns their number.
+    """Mark the ``stationary`` matches (N,); returns the number of stationary matches.
 
-    Their flow is below ``within``, in units of the noise.
+    The flow of a stationary match is below ``within``, in units of the noise.
     """
     count = 0
     for i in range(stationary.size):

@@ -13,9 +13,9 @@ __all__ = ["exp_and_roots", "lane_log"]
 def exp_and_roots(x: float) -> tuple[float, float, float, float]:
     """The powers 1, 1/8, 1/64 and 1/512 of ``exp(-x)``; constant for x beyond 15000.
 
-    x must not be negative. The value is the series at x / 65536, squared seven times for the first
-    power and three more times for each further power. The relative errors are below 1e-9 up to x =
-    300, and below 1e-4 for every value that is not 0.
+    x must not be negative. The power series is evaluated at x / 65536. The result is squared seven
+    times for the power 1/512, and three more times for each of the powers 1/64, 1/8 and 1. The
+    relative errors are below 1e-9 up to x = 300, and below 1e-4 for every value that is not 0.
     """
     y = min(x, 15360.0) * (1.0 / 65536.0)
     s = 1.0 / 120.0

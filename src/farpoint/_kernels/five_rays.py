@@ -1,4 +1,4 @@
-"""Five-ray hypotheses: minimal solver, score over all matches, and number of samples."""
+"""Hypotheses from five rays: minimal solver, score over all matches, and number of samples."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ Row = tuple[float, float, float, float, float, float]
 
 
 class SearchBudget(NamedTuple):
-    """Search budget."""
+    """Limits of a search: tolerance, confidence, and numbers of samples."""
 
     tolerance: float
     """Residual of a consistent match, in units of the noise."""
@@ -68,7 +68,7 @@ class SearchBudget(NamedTuple):
 def _cost_each_way(
     pairs: np.ndarray, at: int, R: Matrix, t: Vector, limit: float
 ) -> tuple[float, float]:
-    """Truncated square of a match for ``t`` and for ``-t``."""
+    """Truncated squared residual of a match for ``t`` and for ``-t``."""
     r = sampson(pairs, at, R, t)
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
     flow, reach2 = flow_along(m, b, t)
@@ -87,12 +87,13 @@ def score_pose(
     limit: float,
     best: float,
 ) -> float:
-    """Truncated squares ``sum min(r^2, limit)`` of all matches, at the better sign of ``t``.
+    """Cost ``sum min(r^2, limit)`` of all matches, for the better sign of ``t``.
 
-    A match costs the full ``limit`` if it flows away from ``t`` by more than the limit (behind the
-    camera), or has the epipole between its rays. Matches of prior 0 cost nothing. If the costs of
-    both signs exceed ``best``, the function returns early with a cost of at least ``best``. ``t``
-    is negated in place if the other sign is better.
+    A match costs the full ``limit`` in two cases: the match flows away from ``t`` by more than the
+    limit (the point is behind the camera), or the epipole is between the two rays of the match.
+    Matches with prior 0 cost nothing. If the costs for both signs exceed ``best``, the function
+    returns early with a cost of at least ``best``. If the opposite sign is better, ``t`` is negated
+    in place.
     """
     rotation, direction = matrix(R), vector(t)
     forward = backward = 0.0
@@ -115,8 +116,8 @@ def score_pose(
 def _newton_equations(rays: np.ndarray, R: np.ndarray, t: np.ndarray, normal: np.ndarray) -> None:
     """Normal equations ``normal`` (6, 6) of ``b . (t x m) = 0`` for the pairs ``rays`` (48,).
 
-    Rows ``[m x (b x t), B^T (m x b)]`` are normalised: a short flow gives a small row with the same
-    weight.
+    Each row ``[m x (b x t), B^T (m x b)]`` is normalised, because the row of a match with short
+    flow is small, but must have the same weight.
     """
     rotation, direction = matrix(R), vector(t)
     sums = SUMS_OF_SIX
@@ -128,7 +129,7 @@ def _newton_equations(rays: np.ndarray, R: np.ndarray, t: np.ndarray, normal: np
 
 @inlined_kernel
 def _row(rays: np.ndarray, lane: int, R: Matrix, t: Vector) -> tuple[float, Row]:
-    """Weight and row of the pair in this lane; the last element is the constraint itself."""
+    """Weight and row of the pair in ``lane``. The last element of the row is the constraint."""
     a = rays[lane], rays[VECTOR_LANES + lane], rays[2 * VECTOR_LANES + lane]
     b = (
         rays[3 * VECTOR_LANES + lane],
@@ -149,8 +150,8 @@ def solve_five(pairs: np.ndarray, sample: np.ndarray, R: np.ndarray, t: np.ndarr
     """Pose that satisfies the epipolar constraint of five matches, by Newton from ``R, t``.
 
     This is the iterative five-point solver on the manifold (Lui and Drummond, BMVC 2013, DOI
-    10.5244/C.27.116). It has converged if the next step would be within the noise of five rays;
-    otherwise the result is False.
+    10.5244/C.27.116). The result is True if the iteration has converged: the next step would be
+    within the noise of five rays.
     """
     rays, normal, x = np.empty(SAMPLE_SIZE), np.empty((6, 6)), np.empty(5)
     clear(rays)
@@ -183,17 +184,18 @@ def iterations_needed(
     has_competing_mode: bool,
     budget: SearchBudget,
 ) -> int:
-    """Number of five-ray samples until the right mode is found with this confidence.
+    """Number of five-ray samples until the right mode is found with the budget's confidence.
 
-    50 % of the samples are drawn from the share ``known`` of matches that are consistent with a
-    mode. Their inlier share is the inlier share of the best pose divided by ``known``, if it
-    exceeds chance.
+    50 % of the samples are drawn only from the matches that are consistent with a mode, a share
+    ``known`` of all matches. The inlier share among these matches is the inlier share of the best
+    pose divided by ``known``, if this quotient exceeds chance.
 
-    ``log((1 - confidence) / failure) / log(1 - hit)``: ``failure`` is the probability that the
-    initial pose leads to a wrong mode, which grows with the ``outlier_share`` and with the square
-    of the ``flow`` in rad after the initial rotation, and is 1 once a competing mode was found.
-    ``hit`` is the probability that a sample is free of outliers and converges to the right mode:
-    0.5, less by up to a factor of 2 each for a long flow and for an unreliable initial pose.
+    The number is ``log((1 - confidence) / failure) / log(1 - hit)``. ``failure`` is the probability
+    that the initial pose leads to a wrong mode. ``failure`` grows with the ``outlier_share`` and
+    with the square of the ``flow`` in rad after the initial rotation, and is 1 after a competing
+    mode was found. ``hit`` is the probability that a sample has no outliers and converges to the
+    right mode. A sample without outliers converges with a probability of 0.5. A long flow and an
+    unreliable initial pose each lower this probability by a factor of up to 2.
     """
     inlier_share = max(1.0 - outlier_share, 0.0)
     square = inlier_share * inlier_share

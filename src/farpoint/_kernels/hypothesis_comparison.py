@@ -54,12 +54,13 @@ __all__ = [
 
 @step_kernel
 def laplace_factor(normal: np.ndarray) -> float:
-    """Laplace (Occam) factor, ``1/2 log det(I + G)``: log likelihood at the maximum over its mean.
+    """Laplace (Occam) factor ``1/2 log det(I + G)``.
 
-    G (5, 5) is the Gauss-Newton matrix; the prior sigma of the pose is one radian. Five matches fit
-    some pose without any noise, and a sixth by chance: a small noise variance raises the
-    likelihood, and the Laplace factor of the narrow maximum lowers it. Infinite where G is not
-    positive definite.
+    The factor is the logarithm of the ratio between the likelihood at the maximum and the mean
+    likelihood. G (5, 5) is the Gauss-Newton matrix, and the prior sigma of the pose is one radian.
+    Some pose fits five matches without any residual, and may fit a sixth match by chance. The small
+    residuals raise the likelihood of such a pose at its narrow maximum, and the Laplace factor
+    lowers the likelihood again. The factor is infinite if G is not positive definite.
     """
     determinant, positive = determinant_beside_one(normal)
     return 0.5 * math.log(determinant) if positive else math.inf
@@ -67,7 +68,7 @@ def laplace_factor(normal: np.ndarray) -> float:
 
 @step_kernel
 def refine(matches: PackedMatches, steps: int, pose: Pose) -> None:
-    """Refine a pose; its cost includes the Laplace factor."""
+    """Refine a pose, and add the Laplace factor to its cost."""
     refine_pose(matches, COARSE_TOLERANCE, steps, pose)
     _add_laplace_factor(matches, pose)
 
@@ -76,8 +77,8 @@ def refine(matches: PackedMatches, steps: int, pose: Pose) -> None:
 def _add_laplace_factor(matches: PackedMatches, pose: Pose) -> None:
     """Add the `laplace_factor` to the cost of a pose.
 
-    A pose with hardly any inliers is no likelier than uniform outliers alone, even if repeated
-    structure lies about its lines.
+    A pose with hardly any inliers is not likelier than uniform outliers alone, even if matches of
+    repeated structure lie near the epipolar lines of the pose.
     """
     pose.cost[0] += laplace_factor(pose.normal)
     if not _has_inliers(pose):
@@ -93,7 +94,7 @@ def _has_inliers(pose: Pose) -> bool:
 
 @step_kernel
 def default_noise(tolerance: float, mixture: np.ndarray) -> None:
-    """Initial noise parameters of EM without any estimate: the tolerance is `GATE_SIGMA` sigma."""
+    """Initial noise parameters of EM by default. The tolerance is taken as `GATE_SIGMA` sigma."""
     mixture[0] = tolerance * tolerance / (GATE_SIGMA * GATE_SIGMA)
     mixture[1] = START_OUTLIER_SHARE
     mixture[2] = START_TAIL_SHARE
@@ -104,11 +105,11 @@ def default_noise(tolerance: float, mixture: np.ndarray) -> None:
 def initial_noise(
     matches: PackedMatches, best: Pose, tolerance: float, mixture: np.ndarray
 ) -> None:
-    """Initial noise parameters of EM: those of the best pose if it has more inliers than a sample
-    has matches.
+    """Initial noise parameters of EM: those of the best pose, or those of `default_noise`.
 
-    The variance is at most that of `default_noise`: a wrong local minimum has all matches as
-    inliers with a large variance, from which EM does not converge to another minimum.
+    The parameters of the best pose are used if its inliers outnumber the matches of a sample. The
+    variance is at most that of `default_noise`. At a wrong local minimum all matches count as
+    inliers with a large variance, and from such a variance EM does not converge to another minimum.
     """
     default_noise(tolerance, mixture)
     has_sample = (1.0 - best.mixture[1]) * matches.total > CHANCE_MATCHES
@@ -118,11 +119,10 @@ def initial_noise(
 
 @inner_kernel
 def outlier_share_of(matches: PackedMatches, best: Pose, tolerance: float) -> float:
-    """Share of outliers at the best pose: the larger one of the shares by the mixture and by the
-    tolerance.
+    """Share of outliers at the best pose: by the mixture or by the tolerance, whichever is larger.
 
-    At a wrong local minimum all matches are inliers with a large variance; the tolerance bounds
-    this variance.
+    At a wrong local minimum all matches count as inliers with a large variance in the mixture. The
+    share of matches with residuals beyond the tolerance does not depend on this variance.
     """
     consistent = np.empty(matches.prior.size)
     clear(consistent)
@@ -137,10 +137,10 @@ def outlier_share_of(matches: PackedMatches, best: Pose, tolerance: float) -> fl
 def mark_consistent(
     pairs: np.ndarray, R: np.ndarray, t: np.ndarray, tolerance: float, consistent: np.ndarray
 ) -> None:
-    """Write 1 for each match whose residual is within the tolerance; the value of other matches
-    stays.
+    """Write 1 to ``consistent`` for each match whose residual is within the tolerance.
 
-    ``consistent`` has the length of the panels, filler included.
+    The values of the other matches do not change. ``consistent`` has the length of the panels,
+    filler included.
     """
     rotation, direction = matrix(R), vector(t)
     for panel in range(consistent.size // LANES):
@@ -152,7 +152,10 @@ def mark_consistent(
 
 @inner_kernel
 def is_same_mode(R: np.ndarray, t: np.ndarray, best: Pose) -> bool:
-    """Whether a pose is within the uncertainty of the best: ``1/2 x^T G x < 2`` between the two."""
+    """Whether a pose is within the uncertainty of the best pose.
+
+    The criterion is ``1/2 x^T G x < 2`` for the difference x of the two poses.
+    """
     if not _has_inliers(best) or dot(vector(t), vector(best.t)) < 0.5:
         return False
     trace, distance2 = _apart(R, t, best.R, best.t, best.normal)
@@ -163,7 +166,7 @@ def is_same_mode(R: np.ndarray, t: np.ndarray, best: Pose) -> bool:
 def _apart(
     R: np.ndarray, t: np.ndarray, other_R: np.ndarray, other_t: np.ndarray, normal: np.ndarray
 ) -> tuple[float, float]:
-    """Trace of the rotation between two poses, and the squared Mahalanobis distance."""
+    """Trace of the rotation between two poses, and squared Mahalanobis distance of the poses."""
     A, B = matrix(R), matrix(other_R)
     trace = dot(A[0], B[0]) + dot(A[1], B[1]) + dot(A[2], B[2])
     # To first order, the rotation vector is half the difference of the off-diagonal elements.
@@ -184,10 +187,10 @@ def _apart(
 
 @step_kernel
 def _is_twisted(matches: PackedMatches, pose: Pose) -> bool:
-    """Whether most matches have the epipole between their rays: the twisted pair of the pose.
+    """Whether a pose is a twisted pair: most matches have the epipole between their rays.
 
-    The epipolar constraint is the same for both poses of a twisted pair (half a turn about the
-    baseline).
+    The twisted pair of a pose is rotated by half a turn about the baseline and satisfies the same
+    epipolar constraints.
     """
     rotation, direction = matrix(pose.R), vector(pose.t)
     twisted = 0
@@ -202,15 +205,16 @@ def _is_twisted(matches: PackedMatches, pose: Pose) -> bool:
 def refine_if_competitive(
     matches: PackedMatches, pose: Pose, best: Pose, within: float
 ) -> tuple[bool, bool]:
-    """Refine a hypothesis while it may come within a margin of the best.
+    """Refine a hypothesis as long as it may come within a margin of the best pose.
 
-    The margin ``within`` is in log likelihood. The refinement stops as soon as the upper bound of
-    the remaining gain, 4 x predicted decrease + last decrease, leaves the cost above the margin, or
-    the pose is the same mode as the best. The factor 4 covers what the quadratic model leaves out:
-    matches that become inliers, and a decrease of the noise variance.
+    The margin ``within`` is in log likelihood. The refinement stops in two cases. Either the cost
+    would stay above the margin even if it decreased by 4 times the predicted decrease plus the last
+    decrease. Or the pose has become the same mode as the best pose. The factor 4 covers effects
+    that are not part of the quadratic model: matches that become inliers, and a decrease of the
+    noise variance.
 
-    Returns whether the refined hypothesis is within the margin and another mode, and whether its
-    initial pose was within the margin.
+    The function returns two values: whether the refined hypothesis is within the margin and a
+    different mode, and whether the initial pose of the hypothesis was within the margin.
     """
     limit, normal, reached, shares = best.cost[0] + within, pose.normal, pose.cost, np.empty(4)
     point = linearisation_point(matches, pose.R, pose.t, pose.mixture)
@@ -242,12 +246,12 @@ def compare_hypothesis(
     secondary: Pose,
     within: float,
 ) -> tuple[bool, bool]:
-    """Refine a hypothesis while it may compete, and keep the better of two poses as ``best``.
+    """Refine a hypothesis as long as it may compete, and keep the likelier pose as ``best``.
 
-    Returns whether the refined hypothesis and whether its initial pose is within the margin
-    ``within`` of the best. ``close`` receives the less likely pose, if it is likelier than the old
-    ``close``; so does ``secondary``, if both poses are within `MODE_MARGIN` and their directions
-    differ.
+    The less likely of the two poses is written to ``close``, if it is likelier than the old
+    ``close``. The less likely pose is also written to ``secondary``, if the two poses are within
+    `MODE_MARGIN` and their directions differ. The function returns two values: whether the refined
+    hypothesis, and whether its initial pose, is within the margin ``within`` of the best pose.
     """
     competes, was_close = refine_if_competitive(matches, hypothesis, best, within)
     if not competes:
@@ -269,19 +273,19 @@ def compare_hypothesis(
 
 @step_kernel
 def planar_margin(count: int) -> float:
-    """Margin in log likelihood between the two motions of a plane, of ``count`` matches."""
+    """Margin in log likelihood between the two motions of a plane with ``count`` matches."""
     return max(MODE_MARGIN, PLANAR_MARGIN * math.sqrt(count / MAX_SEARCHED))
 
 
 @step_kernel
 def is_close_mode(close: Pose, best: Pose) -> bool:
-    """Whether a pose that an earlier best replaced is within `MODE_MARGIN`, and another mode."""
+    """Whether a pose is within `MODE_MARGIN` of the best pose, and a different mode."""
     return close.cost[0] < best.cost[0] + MODE_MARGIN and not is_same_mode(close.R, close.t, best)
 
 
 @inner_kernel
 def is_secondary_mode(secondary: Pose, best: Pose) -> bool:
-    """Whether a pose is within `MODE_MARGIN` of the best, and its direction differs."""
+    """Whether a pose is within `MODE_MARGIN` of the best pose, and has another direction."""
     return secondary.cost[0] < best.cost[0] + MODE_MARGIN and _has_other_direction(secondary, best)
 
 

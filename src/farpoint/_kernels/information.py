@@ -1,4 +1,4 @@
-"""Information of the matches on a pose, and the part of it that is noise."""
+"""Information of the matches on a pose, and the part of the information that is due to noise."""
 
 from __future__ import annotations
 
@@ -72,29 +72,29 @@ def information(
     noise: np.ndarray,
     scatter: np.ndarray,
 ) -> tuple[float, float]:
-    """Normal equations ``normal`` (6, 6) of the cost, and the part ``noise`` (5, 5) of them that is
-    due to noise.
+    """Normal equations ``normal`` (6, 6) of the cost, and the part ``noise`` (5, 5) due to noise.
 
     ``normal`` is the Gauss-Newton matrix (5, 5), with the gradient in the last column. The Jacobian
-    of a match is proportional to its measured flow, so noise along the epipolar line counts as
-    information. With ``u`` the unit vector along the line, noise of variance ``v`` there (given the
-    residual) changes the Jacobian by ``C = [(m . t) u, B^T (m x u)] / sqrt(g)`` times this noise,
-    and adds ``v C^T C``. Matches at the epipole are left out, because noise alone determines their
-    epipolar line.
+    of a match is proportional to the measured flow of the match, so noise along the epipolar line
+    counts as information. ``u`` is the unit vector along the line, and ``v`` is the variance of the
+    noise along the line, given the residual. This noise changes the Jacobian by ``C = [(m . t) u,
+    B^T (m x u)] / sqrt(g)`` times the noise, and adds ``v C^T C`` to the matrix. Matches at the
+    epipole are left out, because noise alone determines their epipolar line.
 
     With ``shrunk_flow`` the inverse depth of a match is replaced by its best linear unbiased
     prediction from the measured depth and the mean over all matches (Robinson, Stat. Sci. 6, 1991,
-    DOI 10.1214/ss/1177011926). Then the expectation of the whole matrix is signal, ``noise`` is its
-    variation with the noise, and one step of the normal equations from the maximum of the
-    likelihood is an estimate with less variance.
+    DOI 10.1214/ss/1177011926). The expectation of the matrix then consists of signal only, and
+    ``noise`` is the variation of the matrix due to noise. One step of these normal equations from
+    the maximum of the likelihood gives an estimate with less variance.
 
-    The leverage of a match is h, and its weight is multiplied by ``1 - h^3``. A match with more
-    information than all others together cannot be contradicted by them, and the epipolar line of a
-    match near the epipole rotates with every step of the pose.
+    The leverage of a match is h, and the weight of the match is multiplied by ``1 - h^3`` for two
+    reasons: if a match has more information than all other matches together, the others cannot
+    contradict the match, and the epipolar line of a match near the epipole rotates with every step
+    of the pose.
 
-    ``scatter`` (5, 5) is the observed variance of the gradient, with squared residuals over ``1 -
-    h`` (HC2: MacKinnon and White, J. Econom. 29, 1985, DOI 10.1016/0304-4076(85)90158-7). Its
-    expectation is the Gauss-Newton matrix if the noise is that of the model.
+    ``scatter`` (5, 5) is the observed variance of the gradient, with squared residuals divided by
+    ``1 - h`` (HC2: MacKinnon and White, J. Econom. 29, 1985, DOI 10.1016/0304-4076(85)90158-7). The
+    expectation of ``scatter`` is the Gauss-Newton matrix if the noise model is true.
 
     The function returns two numbers: the share of the information that remains although the
     component of each match is unknown (Louis, J. R. Stat. Soc. B 44, 1982, DOI
@@ -116,7 +116,7 @@ def information(
 
 @inner_kernel
 def _shrink_depths(terms: np.ndarray) -> None:
-    """Replace inverse depths by their BLUP, and the Jacobians with them."""
+    """Replace inverse depths by their BLUP, and change the Jacobians accordingly."""
     mean, variance = 0.0, 0.0
     for k in range(MAX_ITERATIONS):
         total, weighted, weight2, excess = _depth_moments(
@@ -150,9 +150,9 @@ def _depth_moments(
     """Sums for the method of moments of the inverse depths.
 
     The moments are four sums: of the weights, of the weighted depths, of the weights of squared
-    deviations from the mean, and of these squares minus the part of the noise. The weights follow
-    from ``mean`` and ``variance``; in the first round (``first`` 1) they follow from the noise of
-    each depth only.
+    deviations from the mean, and of these squared deviations minus the part due to noise. The
+    weights follow from ``mean`` and ``variance``. In the first round (``first`` 1) the weights
+    follow only from the noise of each depth.
     """
     total = weighted = weight2 = excess = 0.0
     for panel in range(terms.size // TERMS):
@@ -174,7 +174,7 @@ def _depth_moments(
 
 @inner_kernel
 def _fill_terms(point: LinearisationPoint, terms: np.ndarray) -> None:
-    """Fill the per-match terms."""
+    """Fill the terms of all matches."""
     rotation, direction = matrix(point.R), vector(point.t)
     basis = tangent_columns(direction)
     noise = (
@@ -202,7 +202,7 @@ def _fill_match(
     terms: np.ndarray,
     to: int,
 ) -> None:
-    """Fill the terms of one match, in a column of a panel."""
+    """Fill the terms of one match, which are a column of a panel."""
     precision, tail_share, clutter, long_tail = noise
     jacobian = sampson_jacobian(pairs, at, R, t, basis)
     r = jacobian[5]
@@ -232,16 +232,16 @@ def _fill_match(
 
 @inlined_kernel
 def _write_rows(terms: np.ndarray, to: int, values: tuple[float, ...]) -> None:
-    """Write the numbers of a match, one per row."""
+    """Write the numbers of a match, one number per row."""
     for row in range(len(values)):
         terms[to + row * LANES] = values[row]
 
 
 @inner_kernel
 def _weigh_by_leverage(terms: np.ndarray, whole: np.ndarray) -> float:
-    """Multiply the weights by ``1 - h^3``, the scatter by ``1 / (1 - h)``; h is the leverage.
+    """Multiply the weights by ``1 - h^3`` and the scatter by ``1 / (1 - h)``; h is the leverage.
 
-    Returns the effective number of matches ``(sum h)^2 / sum h^2``.
+    The function returns the effective number of matches ``(sum h)^2 / sum h^2``.
     """
     inverse, positive = inverse_square(whole)
     if not positive:
@@ -262,7 +262,7 @@ def _weigh_by_leverage(terms: np.ndarray, whole: np.ndarray) -> float:
 
 @sum_kernel
 def _gram(terms: np.ndarray, row: int, weight: int, out: np.ndarray) -> None:
-    """``A diag(w) A^T`` (5, 5) of five rows A and one row w of the terms."""
+    """``A diag(w) A^T`` (5, 5) for five rows A and one row w of the terms."""
     sums = SUMS_OF_FIVE
     for panel in range(terms.size // TERMS):
         for lane in range(LANES):

@@ -1,7 +1,7 @@
-"""Lens models, ray by ray: derivative of a ray by its pixel, and the pinhole with distortion.
+"""Loops over rays for lens models: derivative of a ray by its pixel, and pinhole with distortion.
 
-``k`` holds the first twelve coefficients of radial-tangential distortion in OpenCV's order, ``k1 k2
-p1 p2 k3 k4 k5 k6 s1 s2 s3 s4``, absent ones zero.
+``k`` holds the first twelve coefficients of radial-tangential distortion in OpenCV's order: ``k1 k2
+p1 p2 k3 k4 k5 k6 s1 s2 s3 s4``. Coefficients that a lens does not have are zero.
 """
 
 from __future__ import annotations
@@ -46,12 +46,12 @@ def _pinhole_ray(
 
 @kernel
 def invert_projection(rays: np.ndarray, forward: np.ndarray, jacobian: np.ndarray) -> None:
-    """Derivative (N, 3, 2) of unit rays by their pixels, from the derivative (N, 2, 3) of pixels by
-    points.
+    """Derivative (N, 3, 2) of unit rays by pixels, from the derivative (N, 2, 3) of the projection.
 
-    The rows ``u`` and ``v`` of the forward derivative, taken at a ray ``r`` of any length, are
-    perpendicular to ``r``. The pseudo-inverse therefore has the columns ``v x r`` and ``r x u``,
-    divided by ``r . (u x v)``. Divided by ``|r|``, it is the derivative of the unit ray.
+    The rows ``u`` and ``v`` of the derivative of the projection, taken at a ray ``r`` of any
+    length, are perpendicular to ``r``. The pseudo-inverse therefore has the columns ``v x r`` and
+    ``r x u``, divided by ``r . (u x v)``. The derivative of the unit ray is the pseudo-inverse
+    divided by ``|r|``.
     """
     for i in range(len(rays)):
         rx, ry, rz = rays[i, 0], rays[i, 1], rays[i, 2]
@@ -100,7 +100,7 @@ def distort(k: np.ndarray, x: np.ndarray, y: np.ndarray, out: np.ndarray) -> Non
 
 @inlined_kernel
 def _interpolate(target: float, arguments: np.ndarray, values: np.ndarray) -> float:
-    """Piecewise linear function by a table of increasing arguments, constant outside."""
+    """Piecewise linear function, given by a table of increasing arguments; constant outside."""
     low, high = 0, len(arguments) - 1
     if target >= arguments[high]:
         return values[high]
@@ -116,7 +116,7 @@ def _interpolate(target: float, arguments: np.ndarray, values: np.ndarray) -> fl
 
 @inlined_kernel
 def _scale(radius: float, table: tuple[np.ndarray, np.ndarray, np.ndarray]) -> float:
-    """Undistorted over distorted radius of the radial part, approximately."""
+    """Approximate ratio of undistorted to distorted radius, for the radial distortion only."""
     place = radius / (1.0 + radius) * LENS_TABLE_STEPS
     if place >= len(table[2]) - 1:
         return _interpolate(radius, table[0], table[1]) / radius
@@ -128,10 +128,11 @@ def _scale(radius: float, table: tuple[np.ndarray, np.ndarray, np.ndarray]) -> f
 def _newton_pass(
     k: np.ndarray, a: np.ndarray, b: np.ndarray, x: np.ndarray, y: np.ndarray, steps: np.ndarray
 ) -> int:
-    """One step of Newton's method for each point whose last of ``steps`` was long; their number.
+    """One step of Newton's method for each point whose last step was long.
 
-    ``steps`` (N,) is the length of the last step over its limit; NaN counts as short. The loop has
-    no branches: the compiler turns it into vector instructions.
+    ``steps`` (N,) holds the length of the last step of each point, divided by the limit of the
+    length; NaN counts as short. The function returns the number of points whose step was long. The
+    loop has no branches, so that the compiler can use vector instructions.
     """
     unconverged = 0
     for i in range(len(a)):
@@ -160,9 +161,10 @@ def undistort(
 ) -> None:
     """Inverse of `distort`: rows x and y (2, N); NaN for points outside the image of the lens.
 
-    ``table`` holds radii r of the distorted plane and of the undistorted one, and the second over
-    the first in even steps of ``r / (1 + r)``, where Newton's method starts. ``farthest`` is the
-    largest distorted radius that is reached, ``fold`` the largest undistorted.
+    ``table`` holds distorted radii r, undistorted radii, and the ratio of undistorted to distorted
+    radius in even steps of ``r / (1 + r)``. Newton's method starts at the ratio of the table.
+    ``farthest`` is the largest distorted radius inside the image of the lens, and ``fold`` the
+    largest undistorted radius.
     """
     x, y = out[0], out[1]
     for i in range(len(a)):
@@ -185,8 +187,8 @@ def pinhole_ray_jacobian(
 ) -> None:
     """Derivative (N, 3, 2) of unit rays by the pixels of a distorted pinhole; NaN beyond its fold.
 
-    Rays of any length are taken. With ``v = (x, y, 1)`` and the unit ray ``r = v / |v|``,
-    ``dr = (dv - r (r . dv)) / |v|``.
+    The rays may have any length. With ``v = (x, y, 1)`` and the unit ray ``r = v / |v|``, the
+    derivative is ``dr = (dv - r (r . dv)) / |v|``.
     """
     for i in range(len(rays)):
         _pinhole_ray_jacobian(k, fold, fx, fy, rays, i, jacobian)
@@ -217,7 +219,7 @@ def _pinhole_ray_jacobian(
 
 @kernel
 def straight_ray_jacobian(fx: float, fy: float, rays: np.ndarray, jacobian: np.ndarray) -> None:
-    """As `pinhole_ray_jacobian` of a pinhole without distortion."""
+    """Derivative (N, 3, 2) as in `pinhole_ray_jacobian`, for a pinhole without distortion."""
     for i in range(len(rays)):
         _straight_ray_jacobian(fx, fy, rays, i, jacobian)
 
@@ -240,7 +242,7 @@ def _write_tangents(
     jacobian: np.ndarray,
     i: int,
 ) -> None:
-    """Write the parts of the steps (x, y, 0) perpendicular to the ray, one per column."""
+    """Write the component perpendicular to the ray of each step (x, y, 0), one per column."""
     for column in range(2):
         x, y = steps[column]
         along = ray[0] * x + ray[1] * y

@@ -50,11 +50,12 @@ def linearize(
 ) -> float:
     """Robust cost of all matches and its normal equations.
 
-    The cost is ``-sum log(prior (core + tail) + clutter)``. With J the Jacobian (N, 5) of the
-    residuals r, ``normal`` (6, 6) receives ``[J r]^T W [J r]``: the Gauss-Newton matrix, the
-    gradient in its last column, the weighted squares in its corner. With ``soft_cheirality`` the
-    parallaxes that have a penalty are residuals, too. ``shares`` (4,) receives the expected number
-    of inliers, of tail steps, of trials of the tail, and of repeated structure among the outliers.
+    The cost is ``-sum log(prior (core + tail) + clutter)``. J is the Jacobian (N, 5) of the
+    residuals r. ``normal`` (6, 6) receives ``[J r]^T W [J r]``, which consists of the Gauss-Newton
+    matrix, the gradient in the last column, and the sum of weighted squares in the last corner.
+    With ``soft_cheirality`` the parallaxes that have a penalty are residuals, too. ``shares`` (4,)
+    receives four expected numbers: inliers, tail steps, trials of the tail, and outliers from
+    repeated structure.
     """
     pairs, prior, clutter = (
         point.pairs,
@@ -107,8 +108,8 @@ def _add_cheirality_residuals(point: LinearisationPoint, normal: np.ndarray) -> 
     """Add cheirality penalties to the normal equations of `linearize`, as residuals.
 
     The residual is ``s + 2.5`` for a parallax of s sigma. The weight is the probability of the core
-    times ``(1 - tail_share)^2``: with a heavy tail, matches with large errors along their lines lie
-    on both sides, and only those on one side have a penalty.
+    times ``(1 - tail_share)^2``. With a heavy tail, matches have large errors along their epipolar
+    lines in both directions, but only errors in one direction have a penalty.
     """
     pairs, prior, clutter = (
         point.pairs,
@@ -186,7 +187,7 @@ def _evaluate_match(
     prior: float,
     long_tail: float,
 ) -> tuple[float, float, float]:
-    """Residual and parallax of a match for unit noise, and the sum of its `densities`."""
+    """Residual and parallax of a match for unit noise, and sum of the match's `densities`."""
     residual = sampson(pairs, at, R, t)
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
     flow, _ = flow_along(m, b, t)
@@ -201,9 +202,9 @@ def evaluate_residuals(
 ) -> None:
     """Evaluate residual, parallax and inlier probability of each match at a pose.
 
-    ``residual`` receives the Sampson residual for unit noise; ``parallax`` the signed shift along
-    the epipolar line towards the direction, in units of its own sigma for unit noise; ``inlier``
-    the inlier probability.
+    ``residual`` receives the Sampson residual for unit noise. ``parallax`` receives the signed
+    shift along the epipolar line towards the direction, divided by the sigma of this shift for unit
+    noise. ``inlier`` receives the inlier probability.
     """
     pairs, prior, clutter = (
         point.pairs,

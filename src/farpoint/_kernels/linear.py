@@ -42,7 +42,7 @@ __all__ = [
 
 @inner_kernel
 def draw_unit(state: np.ndarray) -> float:
-    """Uniform number in [0, 1) from a splitmix64 ``state`` (1,) uint64, which is advanced."""
+    """Uniform number in [0, 1). The function advances the splitmix64 ``state`` (1,), uint64."""
     state[0] += np.uint64(0x9E3779B97F4A7C15)
     z = state[0]
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -53,13 +53,13 @@ def draw_unit(state: np.ndarray) -> float:
 
 @inner_kernel
 def draw_index(state: np.ndarray, n: int) -> int:
-    """Uniform integer in [0, n); its bias is negligible for n < 2^32."""
+    """Uniform integer in [0, n). The bias is negligible for n < 2^32."""
     return int(draw_unit(state) * n)
 
 
 @step_kernel
 def draw_direction(state: np.ndarray, d: np.ndarray) -> None:
-    """Unit vector ``d`` (3,), uniform on the sphere."""
+    """Write a random unit vector to ``d`` (3,), uniformly distributed on the sphere."""
     z = 2.0 * draw_unit(state) - 1.0
     angle = 2.0 * math.pi * draw_unit(state)
     radius = math.sqrt(1.0 - z * z)
@@ -110,17 +110,17 @@ def sandwich(
 ) -> bool:
     """``H^-1 V H^-1`` with ``V = inner`` and ``H = whole - part``, all (5, 5) and symmetric.
 
-    The function returns False, and ``out`` is undefined, unless H is at least ``least`` times
-    ``whole`` in every direction.
+    If H is less than ``least`` times ``whole`` in any direction, the function returns False and
+    ``out`` is undefined.
     """
     return sandwich_five(whole, part, inner, least, out)
 
 
 @inner_kernel
 def eigen_five(A: np.ndarray, axes: np.ndarray) -> None:
-    """Eigenvectors of a symmetric matrix (5, 5), in rows; its diagonal receives the eigenvalues.
+    """Eigenvectors of a symmetric matrix (5, 5), in rows of ``axes``, by Jacobi's method.
 
-    Jacobi's method.
+    The diagonal of the matrix receives the eigenvalues.
     """
     for i in range(5):
         for j in range(5):
@@ -187,7 +187,7 @@ def kabsch(M: np.ndarray, R: np.ndarray) -> bool:
 
 @step_kernel
 def _invariants(M: np.ndarray) -> tuple[float, float, float]:
-    """Squares of all elements, determinant, and squares of all cofactors."""
+    """Sum of the squared elements, determinant, and sum of the squared cofactors of a matrix."""
     x, y, z = matrix(M)
     over_x, over_y, over_z = cross(y, z), cross(z, x), cross(x, y)
     square = dot(x, x) + dot(y, y) + dot(z, z)
@@ -196,7 +196,7 @@ def _invariants(M: np.ndarray) -> tuple[float, float, float]:
 
 @step_kernel
 def _write_nearest(M: np.ndarray, square: float, trace: float, R: np.ndarray) -> None:
-    """The rotation with the largest ``trace`` of ``R.T @ M``."""
+    """Write the rotation whose ``trace`` of ``R.T @ M`` is the largest."""
     x, y, z = matrix(M)
     xy, yz, zx = dot(x, y), dot(y, z), dot(z, x)
     k = 0.5 * (trace * trace - square) + square

@@ -1,12 +1,12 @@
 """Pyramidal Lucas-Kanade tracking with the gradients of the first image.
 
-A pyramid is one flat array of bytes; a row of its layout describes a level: index of its pixel (0,
+A pyramid is one flat array of bytes. Each row of the layout describes a level: index of pixel (0,
 0), stride from one line to the next, width and height. Around every level there is a border at
 least as wide as `border_px`, so that a window whose centre is in the image needs no bounds check.
 
-Templates, gradients and pixels of the second image have lines of one length, so that a window is
-contiguous in memory: between the window's columns and the end of a line the gradient is zero, and
-so is the weight. Floats are float32, as in `affine_match`.
+Templates, gradients and pixels of the second image have lines of the same length, so that a window
+is contiguous in memory. Between the last column of the window and the end of a line, gradients and
+weights are zero. Floats are float32, as in `affine_match`.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ __all__ = ["Levels", "Workspace", "blank_workspace", "border_px", "follow_window
 
 
 class Levels(NamedTuple):
-    """Levels of a pyramid that are used."""
+    """The levels of a pyramid that a search uses."""
 
     values: np.ndarray
     """(V,) uint8, the pyramid."""
@@ -48,18 +48,18 @@ class Levels(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """Buffers for one window after the other."""
+    """Buffers that are used for one window after the other."""
 
     pixels: np.ndarray
     """Pixels of an image around the window."""
     patch: np.ndarray
     """Interpolated values, one pixel farther than the window."""
     window: Window
-    """Window of the first image; its lines are as long as those of the others."""
+    """Window of the first image, with lines as long as those of the other buffers."""
 
 
 def blank_workspace(half: int) -> Workspace:
-    """Buffers for windows of ``2 half + 1`` pixels."""
+    """Buffers for windows that are ``2 half + 1`` pixels wide."""
     width = 2 * half + 1
     reach = width + 1 + 2 * int(WINDOW_SLACK_PX)
     line = line_px(reach)
@@ -71,7 +71,7 @@ def blank_workspace(half: int) -> Workspace:
 
 
 def border_px(half: int) -> int:
-    """Least width of the border around each level for windows of ``2 half + 1`` pixels."""
+    """Least width of the border around each level for windows ``2 half + 1`` pixels wide."""
     return 2 * half + VECTOR_LANES + 4
 
 
@@ -88,8 +88,8 @@ def follow_windows(
 ) -> None:
     """Track windows from one image to another, from the coarsest level to the finest, and backward.
 
-    The backward pass starts as far from the first position as the forward pass started from its
-    result.
+    The backward pass starts as far from the position in the first image as the forward pass started
+    from its result.
 
     Parameters
     ----------
@@ -100,14 +100,15 @@ def follow_windows(
     start : ndarray of float64, shape (N, 2)
         Initial centres in the second image, px.
     termination : Termination
-        Termination of the iterations at every level, px of the level.
+        Criterion that ends the iterations at every level, in px of the level.
     back : float
         Upper bound of the forward-backward error, px.
     space : Workspace
         Buffers for this size of window.
     points1 : ndarray of float64, shape (N, 2)
-        Out: centres of the windows in the second image; NaN where the finest level has no result
-        (no texture, or outside the image), or the forward-backward error exceeds its bound.
+        Out: centres of the windows in the second image. NaN if the finest level has no result
+        because the window has no texture or leaves the image, or if the forward-backward error
+        exceeds the bound.
     """
     for k in range(len(points0)):
         x0, y0 = points0[k]
@@ -167,7 +168,7 @@ def _within(image: Image, x: float, y: float) -> bool:
 def _descend(
     image: Image, x: float, y: float, termination: Termination, space: Workspace
 ) -> tuple[float, float, bool]:
-    """Gauss-Newton steps on one level from (x, y); returns whether all are in the image."""
+    """Take Gauss-Newton steps on one level from (x, y); returns whether all stay in the image."""
     window, pixels = space.window, space.pixels
     half, line = window.half, window.line
     xx, xy, yy = _normal_matrix(window.gx, window.gy)
@@ -204,9 +205,9 @@ def _project_out_brightness(window: Window) -> None:
     """Make the gradients orthogonal to a change of gain and offset over the window.
 
     The sums of gradients times mismatch are then the same for any brightness ``a I + b`` of the
-    second image. This is least squares with ``a`` and ``b`` as further unknowns, solved for the
-    displacement ("project out": G. Hager, P. Belhumeur, PAMI 1998, doi:10.1109/34.722606). It costs
-    one pass over each window instead of one pass per step.
+    second image. The displacement is therefore the same as by least squares with ``a`` and ``b`` as
+    further unknowns ("project out": G. Hager, P. Belhumeur, PAMI 1998, doi:10.1109/34.722606). This
+    method takes one pass over each window instead of one pass per step.
     """
     grey, gx, gy, inside = window.grey, window.gx, window.gy, window.inside
     count = np.float32((2 * window.half + 1) ** 2)
@@ -262,8 +263,9 @@ def _normal_matrix(gx: np.ndarray, gy: np.ndarray) -> tuple[float, float, float]
 def _mismatch(
     pixels: np.ndarray, begin: int, weights: Weights, window: Window
 ) -> tuple[float, float]:
-    """Sums of gradient times (second image - first image) for a window that begins at pixel
-    ``begin``.
+    """Sums of gradient times (second image - first image), for a window that begins at ``begin``.
+
+    ``begin`` is an index into ``pixels``.
     """
     line, grey, gx, gy = window.line, window.grey, window.gx, window.gy
     bx, by = np.float32(0.0), np.float32(0.0)

@@ -1,21 +1,24 @@
-"""Mixture density of a residual (inliers with a heavy tail, and outliers), and EM of its
-parameters.
+"""Mixture density of a residual, for inliers with a heavy tail and outliers, and EM of the mixture.
 
-An inlier has a normal residual of variance ``variance`` (the core); with the probability
-``tail_share`` its sigma is `TAIL_RATIO` times as large, of these a share ``tail_share`` has
-`TAIL_RATIO` times that sigma, and with a ``long_tail`` once more. The density of the k-th component
-is ``N(r; 0, 8^k variance)``, k = 0 to 3. The search uses the short tail, k <= 2: with a longer one
-more wrong local minima are as likely as the right one. An outlier lies anywhere in a strip of
-half-width ``half_width`` about the epipolar line, in units of the noise. A share of the outliers is
-repeated structure, one window matched with its neighbour, with a Cauchy distribution about the
-line; with a uniform distribution alone, a pose between inliers and repeated structure, with a
-larger variance, has the higher likelihood. EM estimates all three shares: that of the tail among
-inliers, that of outliers among all matches, and that of repeated structure among outliers.
+The residual of an inlier is normal with the variance ``variance`` (the core). With the probability
+``tail_share`` the sigma of an inlier is `TAIL_RATIO` times as large. Of these inliers, a share
+``tail_share`` has a sigma that is `TAIL_RATIO` times larger again, and with a ``long_tail`` there
+is a third such step. The density of the k-th component is ``N(r; 0, 8^k variance)``, k = 0 to 3.
+The search uses the short tail, k <= 2, because with a longer tail more wrong local minima are as
+likely as the right minimum.
 
-Soft cheirality: an inlier flows towards the direction of translation. Noise can reverse the flow of
-a far point; below `CHEIRALITY_SIGMA` the density falls off with `CHEIRALITY_WEIGHT` times the
-exponent of the noise. Above `CHEIRALITY_SIGMA` the density is flat, because a slope would bias the
-rotation, which imitates parallax. The fall-off is smooth, so that Gauss-Newton converges.
+An outlier lies anywhere in a strip around the epipolar line, of half-width ``half_width`` in units
+of the noise. A share of the outliers is repeated structure: a match between neighbouring copies of
+a structure. These outliers have a Cauchy distribution around the line. If all outliers had a
+uniform distribution, a pose that compromises between inliers and repeated structure, with a larger
+variance, would have a higher likelihood than the right pose. EM estimates three shares: of the tail
+among inliers, of outliers among all matches, and of repeated structure among outliers.
+
+Soft cheirality: an inlier flows towards the direction of translation, but noise can reverse the
+flow of a far point. If the flow is reversed by more than `CHEIRALITY_SIGMA`, the exponent of the
+density is `CHEIRALITY_WEIGHT` times the exponent of the noise, counted from `CHEIRALITY_SIGMA`.
+Otherwise the density is constant, because a slope would bias the rotation: a rotation changes all
+parallax. The density decreases smoothly, so that Gauss-Newton converges.
 """
 
 from __future__ import annotations
@@ -66,10 +69,10 @@ __all__ = [
 
 @inlined_kernel
 def clutter_of(mixture: np.ndarray, half_width: float) -> Clutter:
-    """Density of outliers over that of the core at r = 0.
+    """Density of outliers, divided by the density of the core at r = 0.
 
-    Returns the uniform part, the repeated-structure part at r = 0, and the inverse square of its
-    scale.
+    The function returns the uniform part, the part of repeated structure at r = 0, and the inverse
+    square of the scale of repeated structure.
     """
     variance, outlier_share, repeated = mixture[0], mixture[1], mixture[3]
     density = (
@@ -85,7 +88,7 @@ def clutter_of(mixture: np.ndarray, half_width: float) -> Clutter:
 
 @inlined_kernel
 def clutter_at(clutter: Clutter, residual: float) -> tuple[float, float]:
-    """Density of outliers at this residual, and of repeated structure alone."""
+    """Density of all outliers at a ``residual``, and density of repeated structure alone."""
     anywhere, about, over2 = clutter
     near = about / (1.0 + over2 * residual * residual)
     return anywhere + near, near
@@ -108,8 +111,9 @@ def share_prior_cost(share: float) -> float:
 
 @step_kernel
 def repeated_share(repeated: float, outlier_share: float) -> float:
-    """EM step of the share of repeated structure, from the numbers of repeated-structure outliers
-    and of all outliers.
+    """EM step of the share of repeated structure among outliers.
+
+    The arguments are the expected numbers of repeated-structure outliers and of all outliers.
     """
     return (repeated + PRIOR_SHARE * PRIOR_WEIGHT) / (outlier_share + PRIOR_WEIGHT)
 
@@ -132,7 +136,7 @@ def densities(
     prior: float,
     long_tail: float,
 ) -> Densities:
-    """Densities of the match at this address, over that of the core at r = 0."""
+    """Densities of the match at address ``at``, divided by the density of the core at r = 0."""
     penalty = cheirality_penalty(pairs, at, R, t, precision)
     return densities_of(
         residual * residual * precision + penalty,
@@ -147,7 +151,7 @@ def densities(
 def densities_of(
     square: float, tail_share: float, again: float, prior: float, long_tail: float
 ) -> Densities:
-    """Densities at ``square`` = squared residual over variance, times the ``prior``.
+    """Densities, times the ``prior``, at a ``square``: squared residual divided by the variance.
 
     The height of each component of the tail is ``again`` times that of the previous component.
     ``again`` is ``tail_share / TAIL_RATIO`` in one dimension, ``tail_share / TAIL_RATIO^2`` in two.
@@ -164,7 +168,7 @@ def densities_of(
 
 @inlined_kernel
 def cheirality_penalty(pairs: np.ndarray, at: int, R: tuple, t: tuple, precision: float) -> float:
-    """Exponent of soft cheirality: ``2 min(s + 2.5, 0)^2`` with the parallax s in sigma."""
+    """Exponent of soft cheirality, ``2 min(s + 2.5, 0)^2``, where s is the parallax in sigma."""
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
     flow, _ = flow_along(m, b, t)
     shift = flow * math.sqrt(precision / (parallax_variance(pairs, at, R, m, t) + 1e-300))
@@ -180,21 +184,27 @@ def sum_of(each: Densities) -> float:
 
 @inlined_kernel
 def tail_steps_of(each: Densities) -> float:
-    """Sum of the densities, each times the index k of its component."""
+    """Sum of the densities of all components, each multiplied by the component's index k."""
     _, tail1, tail2, tail3 = each
     return tail1 + 2.0 * tail2 + 3.0 * tail3
 
 
 @inlined_kernel
 def tail_trials_of(each: Densities, long_tail: float) -> float:
-    """Sum of the densities, each times the number of trials of the tail: k + 1, at most 3."""
+    """Sum of the densities of all components, each multiplied by the number of trials of the tail.
+
+    The number of trials is k + 1, at most 3.
+    """
     core, tail1, tail2, tail3 = each
     return core + 2.0 * tail1 + (2.0 + long_tail) * tail2 + 3.0 * tail3
 
 
 @inlined_kernel
 def weight_of(each: Densities) -> float:
-    """Sum of the densities, each divided by its variance in units of the variance of the core."""
+    """Sum of the densities of all components, each divided by the component's variance.
+
+    The unit of the variance is the variance of the core.
+    """
     core, tail1, tail2, tail3 = each
     return core + tail1 * 0.125 + tail2 * 0.015625 + tail3 * 0.001953125
 
@@ -218,8 +228,8 @@ def update_mixture(
     """EM step of variance, outlier share and tail share.
 
     ``square`` is the weighted mean square of the residuals. ``shares`` holds the expected number of
-    inliers, of tail steps and of trials. With ``over_relaxed`` 1 the step is over-relaxed, with 0
-    it is plain EM.
+    inliers, of tail steps and of trials. With ``over_relaxed`` 1 the step is over-relaxed, and with
+    0 the step is that of plain EM.
     """
     total, steps, trials = shares[0], shares[1], shares[2]
     share = (steps + PRIOR_SHARE * PRIOR_WEIGHT) / (trials + PRIOR_WEIGHT)

@@ -38,13 +38,15 @@ def fit_motion(
 ) -> tuple[int, bool, bool, bool, MotionSummary]:
     """Search for a pose by a subsample of the matches, and refine the pose by all matches.
 
-    The function returns the number of hypotheses; whether the second motion of a plane competes;
-    whether a secondary mode in another direction is within the margin; whether any mode is within
-    the margin and only a subsample was searched; and the values of `refine_motion`.
+    The function returns five results: the number of hypotheses; whether the second motion of a
+    plane competes; whether a secondary mode in another direction is within the margin; whether any
+    mode is within the margin and only a subsample was searched; and the values of `refine_motion`.
 
-    The search (`search.search_pose`) starts at the rotation of the far matches, initially the
-    identity; without far matches, at the rotation consistent with most matches at a larger
-    tolerance. Candidates for translation are the other matches, or all where these are few.
+    The search (`search.search_pose`) starts at the rotation of the far matches, which is itself
+    searched for from the identity. If there are no far matches, the search starts at the rotation
+    that is consistent with most matches at a larger
+    tolerance. The direction is searched among the matches that are not far, or among all matches if
+    only few matches are not far.
     """
     some, few = searched_pairs(matches), matches.total <= MAX_SEARCHED
     count = matches.total if few else MAX_SEARCHED
@@ -65,7 +67,7 @@ def _search(
     state: np.ndarray,
     buffers: MotionBuffers,
 ) -> tuple[int, bool, bool, bool]:
-    """The search of `fit_motion`, by a subsample of the matches."""
+    """The search of `fit_motion` in a subsample of the matches."""
     best = Pose(buffers.R, buffers.t, buffers.mixture, np.empty((6, 6)), np.empty(1))
     close = Pose(buffers.R_close, buffers.t_close, np.empty(4), np.empty((6, 6)), np.empty(1))
     secondary = Pose(
@@ -80,8 +82,9 @@ def _search(
 def find_candidates(
     pairs: np.ndarray, count: int, tolerance: float, state: np.ndarray, R_far: np.ndarray
 ) -> np.ndarray:
-    """Write the rotation of the far matches into ``R_far``; returns the indices of the candidates
-    for translation.
+    """Find the rotation of the far matches, and the matches that may show translation.
+
+    The rotation is written to ``R_far``. The function returns the indices of the matches.
     """
     consistent = np.empty(count)
     search_rotation(pairs, count, tolerance, FAR_START_SAMPLES, state, R_far)
@@ -111,11 +114,11 @@ def _widen(
     R_far: np.ndarray,
     consistent: np.ndarray,
 ) -> None:
-    """Rotation consistent with most matches at an increased tolerance: an initial value without far
-    points.
+    """Rotation that is consistent with most matches at an increased tolerance.
 
-    Without far points hardly any match is consistent within the noise, and the best sample of three
-    is arbitrary.
+    This rotation is the initial value of the search if there are no far points. Hardly any match is
+    then consistent with a rotation within the noise, and the best sample of three matches is
+    arbitrary.
     """
     within = tolerance
     for _ in range(TOLERANCE_WIDENINGS):

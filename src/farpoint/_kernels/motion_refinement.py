@@ -54,25 +54,25 @@ class MotionSummary(NamedTuple):
     laplace_factor: float
     """Result of `hypothesis_comparison.laplace_factor`."""
     agreeing: int
-    """Number of matches that are no outliers."""
+    """Number of matches that are not outliers."""
     sign_log_odds: float
-    """Log odds of the direction to its opposite."""
+    """Log odds of the direction against the opposite direction."""
     log_odds: float
-    """Log odds of the motion to all matches being outliers."""
+    """Log odds of the motion against the hypothesis that all matches are outliers."""
     beyond_rotation: int
     """Number of inliers in the search that no rotation explains."""
     supporting: int
     """Number of inliers in the search."""
     has_shrunk_flow: bool
-    """Whether the covariance is by the shrunk flow (BLUP)."""
+    """Whether the covariance was computed with shrunk flow (BLUP)."""
     shows_direction: bool
-    """Whether enough of the shrunk flow is signal."""
+    """Whether the share of signal in the shrunk flow is large enough for a direction."""
     scales_with_parallax: bool
     """Whether noise that scales with parallax was found significant."""
 
 
 class MotionBuffers(NamedTuple):
-    """Output buffers of a general motion of N matches."""
+    """Output buffers for the general motion of N matches."""
 
     R_far: np.ndarray
     """(3, 3) rotation of the far matches, cam1_from_cam0."""
@@ -81,14 +81,14 @@ class MotionBuffers(NamedTuple):
     t: np.ndarray
     """(3,) direction cam1_from_cam0."""
     mixture: np.ndarray
-    """(4,) as of `pose.Pose`."""
+    """(4,) noise parameters; see `pose.Pose`."""
     per_match: np.ndarray
     """(4, at least N) per-match table: prior by the parallax density, and residual, parallax and
     inlier probability, as of `likelihood.evaluate_residuals`."""
     labels: np.ndarray
-    """(N,) as of `evidence.label_matches`."""
+    """(N,) labels; see `evidence.label_matches`."""
     covariance: np.ndarray
-    """(5, 5) of rotation and direction, rad^2, as of `covariance.covariance_here`."""
+    """(5, 5) covariance of rotation and direction, rad^2; see `covariance.covariance_here`."""
     R_close: np.ndarray
     """(3, 3) rotation of the second likeliest mode, if it is within the margin."""
     t_close: np.ndarray
@@ -103,7 +103,7 @@ class MotionBuffers(NamedTuple):
 
 @kernel
 def evenly_drawn(pairs: np.ndarray, count: int) -> np.ndarray:
-    """An even subsample of `MAX_SEARCHED` of the ``count`` matches, in panels."""
+    """Panels of `MAX_SEARCHED` evenly spaced matches among the ``count`` matches."""
     rows, taken = np.empty(MAX_SEARCHED, np.int64), np.empty(MAX_SEARCHED // LANES * PANEL)
     for j in range(MAX_SEARCHED):
         rows[j] = j * count // MAX_SEARCHED
@@ -113,7 +113,7 @@ def evenly_drawn(pairs: np.ndarray, count: int) -> np.ndarray:
 
 @step_kernel
 def searched_matches(some: np.ndarray, matches: PackedMatches) -> PackedMatches:
-    """Matches as the search uses them: without a prior of the parallax, and with the short tail."""
+    """Matches for the search: without a prior of the parallax, and with the short tail."""
     total = matches.total if matches.total < MAX_SEARCHED else MAX_SEARCHED
     prior = np.empty(some.size // PANEL * LANES)
     _leave_out_none(prior, total)
@@ -144,10 +144,10 @@ def _leave_out_none(prior: np.ndarray, count: int) -> None:
 def refine_motion(
     matches: PackedMatches, least_signal: float, buffers: MotionBuffers
 ) -> MotionSummary:
-    """Refine a motion by all matches, with the prior of their parallax, and evaluate it.
+    """Refine a motion by all matches, with the prior of their parallax, and evaluate the result.
 
-    The first row of ``per_match`` is the prior of ``matches``. The motion shows a direction if a
-    share of at least ``least_signal`` of the flow is signal, along every axis.
+    The first row of ``per_match`` is the prior of ``matches``. The motion shows a direction if, in
+    every direction, at least a share ``least_signal`` of the flow is signal.
     """
     return refine_and_evaluate(searched_pairs(matches), matches, least_signal, buffers)
 
@@ -161,7 +161,7 @@ def searched_pairs(matches: PackedMatches) -> np.ndarray:
 def refine_and_evaluate(
     some: np.ndarray, matches: PackedMatches, least_signal: float, buffers: MotionBuffers
 ) -> MotionSummary:
-    """As `refine_motion`, with the panels of `searched_pairs`."""
+    """Do the work of `refine_motion`, given the panels of `searched_pairs`."""
     cost, laplace, inliers, scales_with_parallax = _refine_with_noise_model(matches, buffers)
     if scales_with_parallax:
         matches = matches._replace(pairs=buffers.scaled_pairs)
@@ -197,7 +197,9 @@ def refine_and_evaluate(
 def _refine_with_noise_model(
     matches: PackedMatches, buffers: MotionBuffers
 ) -> tuple[float, float, float, bool]:
-    """Refine the pose twice, the second time with noise that scales with parallax, if significant.
+    """Refine the pose; if noise scales with parallax significantly, refine it again.
+
+    The second refinement uses noise that scales with parallax.
 
     The function returns the cost, the `hypothesis_comparison.laplace_factor`, the expected number
     of inliers, and whether the noise scales with parallax.
@@ -234,9 +236,10 @@ def _label_and_count(
     per_match: np.ndarray,
     labels: np.ndarray,
 ) -> tuple[int, float, float, int, int]:
-    """Label all matches (`evidence.label_matches`); count those searched beyond a rotation.
+    """Label all matches, and count the searched matches that contradict a rotation.
 
-    Returns what `evidence.label_matches` and `evidence.count_beyond_rotation` return.
+    The function returns the results of `evidence.label_matches` and
+    `evidence.count_beyond_rotation`.
     """
     inlier = per_match[3]
     agreeing, sign_log_odds, log_odds = label_matches(
@@ -254,7 +257,7 @@ def _label_and_count(
 
 @step_kernel
 def _with_noise(matches: PackedMatches, pairs: np.ndarray) -> PackedMatches:
-    """The matches with the noise of other panels."""
+    """The matches with other panels, ``pairs``, which have other noise."""
     total, half_width, long_tail, prior = (
         matches.total,
         matches.outlier_half_width,
@@ -273,7 +276,7 @@ def _with_noise(matches: PackedMatches, pairs: np.ndarray) -> PackedMatches:
 
 @step_kernel
 def _evaluate_residuals(matches: PackedMatches, buffers: MotionBuffers) -> None:
-    """As `likelihood.evaluate_residuals`, into the per-match table."""
+    """Write the results of `likelihood.evaluate_residuals` to the per-match table."""
     per_match = buffers.per_match
     evaluate_residuals(
         _linearisation_point(matches, buffers), per_match[1], per_match[2], per_match[3]
@@ -293,10 +296,10 @@ def _linearisation_point(matches: PackedMatches, buffers: MotionBuffers) -> Line
 def _refine(
     matches: PackedMatches, precision: float, buffers: MotionBuffers, normal: np.ndarray
 ) -> float:
-    """Refine a pose as `refinement.refine_pose` does, in turn with the prior of the parallax at the
-    current pose.
+    """Refine a pose by `refinement.refine_pose`, and update the prior of the parallax in turn.
 
-    Both steps are repeated while inliers lie beyond the end of the prior, where the prior is 0.
+    The two steps are repeated as long as inliers lie beyond the end of the prior, where the prior
+    is 0.
     """
     pose = Pose(buffers.R, buffers.t, buffers.mixture, normal, np.empty(1))
     for _ in range(ALTERNATIONS):
@@ -310,7 +313,7 @@ def _refine(
 
 @step_kernel
 def _update_prior(matches: PackedMatches, buffers: MotionBuffers) -> float:
-    """As `parallax_prior.fit_parallax_prior`, from a uniform prior."""
+    """Fit the prior by `parallax_prior.fit_parallax_prior`, starting from a uniform prior."""
     _leave_out_none(matches.prior, matches.total)
     _evaluate_residuals(matches, buffers)
     parallax, inlier, sigma = (
@@ -335,10 +338,11 @@ def _beyond(end: float, parallax: np.ndarray, inlier: np.ndarray) -> int:
 def _estimate_covariance(
     point: LinearisationPoint, inliers: float, least_signal: float, buffers: MotionBuffers
 ) -> tuple[bool, bool]:
-    """Covariance of the pose; computed from the shrunk flow if much of the flow is noise.
+    """Covariance of the pose, computed with shrunk flow if much of the flow is noise.
 
-    With the shrunk flow the pose takes one step of the normal equations. The function returns
-    whether the flow was shrunk, and whether at least ``least_signal`` of the flow is signal.
+    If the flow is shrunk, the pose moves by one step of the normal equations. The function returns
+    whether the flow was shrunk, and whether at least a share ``least_signal`` of the flow is
+    signal.
     """
     if covariance_here(point, inliers, MEASURED_FLOW, MIN_SIGNAL, buffers.covariance):
         return False, True

@@ -1,4 +1,4 @@
-"""Likelihood of residuals for each of several floors of their variance."""
+"""Likelihood of residuals for several values of a noise floor."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ def floor_likelihoods(
     variances : ndarray, shape (N,)
         Given variances, up to a common factor, which EM estimates in ``rounds`` iterations.
     floors : ndarray, shape (F,)
-        Candidates of the variance added to each.
+        Candidate values of the variance that is added to all given variances.
     freedom : float
-        Degrees of freedom of the distribution.
+        Degrees of freedom of Student's distribution.
 
     Returns
     -------

@@ -1,8 +1,8 @@
 """Normal equations in registers: sums of ``weight row row^T``, and their solution.
 
-A sum is a tuple with the lower triangle by rows, because in an array every term would wait until
-the previous one is stored. The factors of a matrix are written out for the same reason; this is 3
-times as fast as loops over indices.
+A sum is a tuple with the lower triangle by rows, because in an array each addition would wait until
+the previous addition is stored. The factorisation of a matrix is written out for the same reason,
+which is 3 times as fast as loops over indices.
 """
 
 from __future__ import annotations
@@ -74,9 +74,7 @@ def add_six(sums: Sums, weight: float, row: Sums) -> Sums:
 
 @inner_kernel
 def write_five(sums: Sums, out: np.ndarray) -> None:
-    """Write both triangles of a sum into ``out`` (5, 5), or into the first five rows of a larger
-    matrix.
-    """
+    """Write both triangles of a sum to the first five rows and columns of ``out``."""
     aa, ba, bb, ca, cb, cc, da, db, dc, dd, ea, eb, ec, ed, ee = sums
     out[0, 0], out[0, 1], out[0, 2], out[0, 3], out[0, 4] = aa, ba, ca, da, ea
     out[1, 0], out[1, 1], out[1, 2], out[1, 3], out[1, 4] = ba, bb, cb, db, eb
@@ -112,11 +110,10 @@ def _triangle_of(A: np.ndarray) -> Sums:
 
 @inner_kernel
 def _factor(triangle: Sums, damping: float) -> tuple[Sums, bool]:
-    """Factors ``L D L^T`` of a symmetric matrix (5, 5) whose diagonal is multiplied by ``1 +
-    damping``.
+    """Factors ``L D L^T`` of a symmetric matrix (5, 5).
 
-    The function returns the rows of L below the diagonal, then the inverse of D, and whether the
-    matrix is positive definite.
+    The diagonal of the matrix is first multiplied by ``1 + damping``. The function returns the rows
+    of L below the diagonal, the inverse of D, and whether the matrix is positive definite.
     """
     a, ba, b, ca, cb, c, da, db, dc, d, ea, eb, ec, ed, e = triangle
     more = 1.0 + damping
@@ -149,13 +146,13 @@ def _factor(triangle: Sums, damping: float) -> tuple[Sums, bool]:
 
 @inlined_kernel
 def _is_positive(pivot: float, diagonal: float) -> bool:
-    """Whether a pivot of D exceeds the rounding error of the matrix's diagonal."""
+    """Whether a pivot of D exceeds the rounding error of the matrix' diagonal."""
     return (pivot > 1e-14 * diagonal) & (pivot < math.inf)
 
 
 @inlined_kernel
 def _forward(factors: Sums, right: Sums) -> Sums:
-    """``y`` with ``L y`` the right side."""
+    """Solve ``L y = right`` for y."""
     bp, cp, cq, dp, dq, dr, ep, eq, er, es = factors[:10]
     a, b, c, d, e = right
     b = b - bp * a
@@ -166,7 +163,7 @@ def _forward(factors: Sums, right: Sums) -> Sums:
 
 @inner_kernel
 def _solve(factors: Sums, right: Sums) -> Sums:
-    """``x`` with the matrix times ``x`` the right side."""
+    """Solve ``L D L^T x = right`` for x."""
     bp, cp, cq, dp, dq, dr, ep, eq, er, es, over_a, over_b, over_c, over_d, over_e = factors
     a, b, c, d, e = _forward(factors, right)
     e = e * over_e
@@ -178,10 +175,10 @@ def _solve(factors: Sums, right: Sums) -> Sums:
 
 @inner_kernel
 def solve_five_spd(normal: np.ndarray, damping: float, x: np.ndarray) -> bool:
-    """Solve normal equations (6, 6), with the right side in the last column, for the five unknowns
-    of a pose.
+    """Solve normal equations for the five unknowns of a pose.
 
-    As `solve_three_spd`.
+    The last column of ``normal`` (6, 6) is the right side. Damping and result are those of
+    `solve_three_spd`.
     """
     factors, positive = _factor(_triangle_of(normal), damping)
     right = normal[0, 5], normal[1, 5], normal[2, 5], normal[3, 5], normal[4, 5]
@@ -191,9 +188,9 @@ def solve_five_spd(normal: np.ndarray, damping: float, x: np.ndarray) -> bool:
 
 @inner_kernel
 def solve_three_spd(H: np.ndarray, g: np.ndarray, damping: float, x: np.ndarray) -> bool:
-    """Solve ``(H + damping * diag(H)) x = g``, all (3, 3) and (3,).
+    """Solve ``(H + damping * diag(H)) x = g`` for H (3, 3) and g (3,).
 
-    False, and ``x`` undefined, if the matrix is not positive definite.
+    If the matrix is not positive definite, the function returns False and ``x`` is undefined.
     """
     more = 1.0 + damping
     p = more * H[0, 0]
@@ -215,7 +212,7 @@ def solve_three_spd(H: np.ndarray, g: np.ndarray, damping: float, x: np.ndarray)
 def sandwich_five(
     whole: np.ndarray, part: np.ndarray, inner: np.ndarray, least: float, out: np.ndarray
 ) -> bool:
-    """As `linear.sandwich`; ``out`` is undefined where the result is False."""
+    """Compute `linear.sandwich` in registers; ``out`` is undefined if the result is False."""
     H, half = np.empty((5, 5)), np.empty((5, 5))
     for i in range(5):
         for j in range(5):
@@ -245,7 +242,7 @@ def inverse_square(H: np.ndarray) -> tuple[Sums, bool]:
 
 @inlined_kernel
 def size2(inverse: Sums, row: Sums) -> float:
-    """``row^T H^-1 row`` by the factor of `inverse_square`."""
+    """``row^T H^-1 row``, from the factor that `inverse_square` returns."""
     a, b, c, d, e = _forward(inverse, row)
     over_a, over_b, over_c, over_d, over_e = inverse[10:]
     return a * a * over_a + b * b * over_b + c * c * over_c + d * d * over_d + e * e * over_e
@@ -253,7 +250,7 @@ def size2(inverse: Sums, row: Sums) -> float:
 
 @step_kernel
 def determinant_beside_one(H: np.ndarray) -> tuple[float, bool]:
-    """Determinant of ``H + I`` (5, 5), and whether it is positive definite."""
+    """Determinant of ``H + I`` (5, 5), and whether ``H + I`` is positive definite."""
     a, ba, b, ca, cb, c, da, db, dc, d, ea, eb, ec, ed, e = _triangle_of(H)
     a, b, c, d, e = a + 1.0, b + 1.0, c + 1.0, d + 1.0, e + 1.0
     triangle = a, ba, b, ca, cb, c, da, db, dc, d, ea, eb, ec, ed, e

@@ -1,8 +1,8 @@
 """Matches packed in panels for vector instructions.
 
 Most of the time is spent on sums over matches, and a processor adds four or eight numbers at once
-if they are neighbours in memory. A panel holds `LANES` matches, each coordinate in a row of its
-own. The last panel is filled up with matches of prior 0 (filler).
+if the numbers are neighbours in memory. A panel holds `LANES` matches. Each row of a panel holds
+one coordinate of all these matches. The last panel is filled up with matches of prior 0 (filler).
 """
 
 from __future__ import annotations
@@ -41,31 +41,34 @@ __all__ = [
 
 
 def packed_length(count: int) -> int:
-    """Number of matches in the panels that ``count`` matches need, filler included."""
+    """Number of matches, filler included, in the panels for ``count`` matches."""
     return -(-count // LANES) * LANES
 
 
 @inlined_kernel
 def address(i: int) -> int:
-    """Index of match ``i`` in the first row of its panel; the next row is `LANES` further on."""
+    """Address of match ``i``: index of its number in the first row of its panel.
+
+    The number of the match in the next row is `LANES` further on.
+    """
     return (i >> 4) * PANEL + (i & 15)
 
 
 @inlined_kernel
 def _three(pairs: np.ndarray, at: int) -> Vector:
-    """Numbers of a match in three rows, from this address on."""
+    """Three numbers of a match, from the row at the address ``at`` and the next two rows."""
     return pairs[at], pairs[at + LANES], pairs[at + 2 * LANES]
 
 
 @inlined_kernel
 def ray0(pairs: np.ndarray, at: int) -> Vector:
-    """Unit ray in camera 0 of the match at this address."""
+    """Unit ray in camera 0 of the match at the address ``at``."""
     return _three(pairs, at)
 
 
 @inlined_kernel
 def ray1(pairs: np.ndarray, at: int) -> Vector:
-    """Unit ray in camera 1."""
+    """Unit ray in camera 1 of the match at the address ``at``."""
     return _three(pairs, at + RAY1 * LANES)
 
 
@@ -109,7 +112,10 @@ def _put_ray(pairs: np.ndarray, slot: int, rays: np.ndarray, i: int) -> Vector:
 def _put_covariance(
     pairs: np.ndarray, slot: int, A: np.ndarray, i: int, C: np.ndarray, j: int
 ) -> float:
-    """Store ``A C A^T`` of match ``i``, with the noise ``C[j]`` (2, 2); returns the trace."""
+    """Store ``A C A^T`` of match ``i`` with the noise covariance ``C[j]`` (2, 2).
+
+    The function returns the trace of ``A C A^T``.
+    """
     c00, c01, c11 = C[j, 0, 0], C[j, 0, 1], C[j, 1, 1]
     trace = 0.0
     for k in range(3):
@@ -134,7 +140,7 @@ def _squares(factors: np.ndarray, i: int) -> float:
 
 @kernel
 def is_finite(values: np.ndarray) -> bool:
-    """Whether all numbers (N,) are finite; for few numbers 10 times as fast as NumPy."""
+    """Whether all numbers (N,) are finite. For few numbers this is 10 times as fast as NumPy."""
     infinite = 0
     for i in range(values.size):
         infinite += 0 if abs(values[i]) < math.inf else 1
@@ -158,11 +164,11 @@ def pack_pairs(
     Parameters
     ----------
     rays0, rays1 : (N, 3)
-        Unit rays, NaN where there is none.
+        Unit rays; NaN for a pixel without a ray.
     factors0, factors1 : (N, 3, 2)
-        Derivative of a ray by the noisy quantity: pixels, or angles.
+        Derivatives of the rays by the noisy quantity: pixels, or angles.
     covariance0, covariance1 : (N, 2, 2) or (1, 2, 2)
-        Covariance of that quantity.
+        Covariances of the noisy quantity.
     least_variance : float
         Rays with a smaller variance for unit noise, rad^2, are left out.
     pairs : (packed_length(N) * 19,)
@@ -176,7 +182,7 @@ def pack_pairs(
         Number of matches packed.
     outlier_half_width : float
         Half-width, in units of the noise, of a uniform distribution with the second moment of the
-        later rays; at least 10.
+        rays in camera 1; at least 10.
     """
     n = np.int64(0)
     square = precision = 0.0

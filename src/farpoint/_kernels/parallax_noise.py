@@ -1,10 +1,11 @@
 """Noise that scales with parallax.
 
-Near points change size, shape and background between the images, and are tracked less accurately:
-on a drive the residuals of the nearest matches are 4 times those of the farthest. If the residuals
-show this effect, the variance of a match is multiplied by ``sqrt(1 + (p / length)^2)``, with the
-parallax ``p`` of the match and one length for all matches. The factor is constant for a parallax
-below the length, and proportional to a parallax above it, as for a random walk along the flow.
+Near points change size, shape and background between the images, and are therefore tracked less
+accurately. On a drive the residuals of the nearest matches are 4 times those of the farthest. If
+the residuals show this effect, the variance of a match is multiplied by ``sqrt(1 + (p /
+length)^2)``, where ``p`` is the parallax of the match and ``length`` is the same for all matches.
+The factor is nearly constant for a parallax below ``length``, and proportional to a parallax above
+``length``, as for a random walk along the flow.
 """
 
 from __future__ import annotations
@@ -56,11 +57,11 @@ def scale_noise_with_parallax(
 ) -> bool:
     """Copy the matches with noise that scales with parallax, if the residuals show it.
 
-    The length minimises the sum of squares of the logarithms of the squared residuals, on which
-    heavy tails have little influence. The geometric mean of the factors over the inliers is 1, so
-    that likelihoods with and without the factors can be compared. ``residual``, ``parallax`` and
-    ``inlier`` are those of `likelihood.evaluate_residuals`. Returns whether ``scaled_pairs`` was
-    written.
+    The length minimises the sum of squared logarithms of the squared residuals. Heavy tails have
+    little influence on this sum. The geometric mean of the factors over the inliers is 1, so that
+    likelihoods with and without the factors can be compared. ``residual``, ``parallax`` and
+    ``inlier`` are the results of `likelihood.evaluate_residuals`. The function returns whether
+    ``scaled_pairs`` was written.
     """
     # Buffers returned by a kernel would not be freed; the caller allocates them.
     samples = NoiseSamples(
@@ -130,7 +131,7 @@ def _parallax(samples: NoiseSamples) -> float:
 
 @inner_kernel
 def _within(samples: NoiseSamples, length: float) -> float:
-    """Number of inliers with a smaller parallax."""
+    """Number of inliers whose parallax is smaller than ``length``."""
     flows, used = samples.flows, samples.used
     count = 0.0
     for i in range(flows.size):
@@ -140,13 +141,13 @@ def _within(samples: NoiseSamples, length: float) -> float:
 
 @inlined_kernel
 def _log_factor(flow2: float, steepness: float) -> float:
-    """Logarithm of the factor on the variance at this squared parallax."""
+    """Logarithm of the factor on the variance at the squared parallax ``flow2``."""
     return 0.5 * lane_log(1.0 + steepness * flow2)
 
 
 @inner_kernel
 def _residual_sum(samples: NoiseSamples, total: float, steepness: float) -> float:
-    """Sum of squares of the logarithms around their mean, after the factors of this steepness."""
+    """Sum of squared deviations of the logarithms from their mean, for a given steepness."""
     first, second = _moments(samples.flows, samples.logs, samples.used, steepness)
     return second - first * first / total
 

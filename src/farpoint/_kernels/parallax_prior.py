@@ -26,7 +26,7 @@ __all__ = ["fit_parallax_prior", "kth_largest"]
 
 @inner_kernel
 def kth_largest(values: np.ndarray, k: int) -> float:
-    """The ``k``-th largest of non-negative values, to 1e-6 of the largest (bisection)."""
+    """The ``k``-th largest of non-negative values, by bisection to 1e-6 of the largest value."""
     low, high = 0.0, 0.0
     for i in range(values.size):
         high = max(high, values[i])
@@ -54,16 +54,17 @@ def fit_parallax_prior(
 ) -> float:
     """Prior of each match by its parallax along the epipolar line; returns the end of the prior.
 
-    The prior is the density of the parallax of the other inliers over that of outliers, which are
-    uniform in the strip of width ``2 half_width``. Inlier probabilities ``inlier`` are those
-    without a prior.
+    The prior is the density of the parallax of the other inliers, divided by the density of
+    outliers, which are uniform in the strip of width ``2 half_width``. The inlier probabilities
+    ``inlier`` were computed without a prior.
 
-    An outlier on its epipolar line fits any motion, and a long flow would outweigh all inliers. Two
-    outliers fix a direction, and by chance k more lie on its epipolar lines: the prior ends where
-    only so many inliers have a larger parallax. The end lies beyond the last supported parallax s1
-    by ``max(((s1 / s2)^2 - 1) s1, 0.1 s1, 3)``, at most s1, with s2 the parallax that twice as many
-    exceed: the density of inliers falls off at that rate. Up to the end the prior is a histogram of
-    the other inliers.
+    An outlier that happens to lie on its epipolar line agrees with the motion, and one long flow
+    would outweigh all inliers. Two outliers determine a direction, and by chance k more outliers
+    lie on the epipolar lines of this direction. A parallax is therefore supported only if more
+    inliers than this number have a larger parallax. s1 is the last supported parallax, and s2 is
+    the parallax that twice as many inliers exceed. The prior ends beyond s1 by ``max(((s1 / s2)^2 -
+    1) s1, 0.1 s1, 3)``, at most by s1, because the density of inliers decreases at about this rate.
+    Up to the end the prior is a histogram of the other inliers.
     """
     sizes = np.empty(count)
     inliers = _inlier_parallaxes(parallax, inlier, sigma, sizes)
@@ -94,7 +95,10 @@ def fit_parallax_prior(
 def _inlier_parallaxes(
     parallax: np.ndarray, inlier: np.ndarray, sigma: float, sizes: np.ndarray
 ) -> int:
-    """Parallax of each inlier in sigma, -1 for other matches; returns the number of inliers."""
+    """Write the parallax of each inlier in sigma, and -1 for other matches, to ``sizes``.
+
+    The function returns the number of inliers.
+    """
     inliers = 0
     for i in range(sizes.size):
         p = parallax[i] / sigma
@@ -106,7 +110,7 @@ def _inlier_parallaxes(
 
 @step_kernel
 def _reach(sizes: np.ndarray, captured: int) -> tuple[float, float]:
-    """Last supported parallax, and distance of the end of the prior beyond it, in sigma."""
+    """Last supported parallax, and distance from there to the end of the prior, in sigma."""
     last = max(kth_largest(sizes, captured + 1), GATE_SIGMA)
     nearer = max(kth_largest(sizes, 2 * (captured + 1)) / last, math.sqrt(0.5))
     return last, max(max(1.0 / (nearer * nearer) - 1.0, MIN_PRIOR_TAIL) * last, GATE_SIGMA)
@@ -114,11 +118,11 @@ def _reach(sizes: np.ndarray, captured: int) -> tuple[float, float]:
 
 @step_kernel
 def _chance_count(expected: float, directions: float) -> int:
-    """Upper bound of the number of outliers on the lines of any direction.
+    """Upper bound of the number of outliers that lie on the lines of one direction by chance.
 
-    Chance exceeds this number with a probability of at most `PARALLAX_FALSE_ALARM`. The
-    probability is the tail of the Poisson distribution of mean ``expected``, bounded by a geometric
-    series, times the number of ``directions``.
+    The probability of more outliers is at most `PARALLAX_FALSE_ALARM`. This probability is the tail
+    of the Poisson distribution with mean ``expected``, bounded by a geometric series, times the
+    number of ``directions``.
     """
     k, chance = 0, math.exp(-expected)
     while (
@@ -139,9 +143,10 @@ def _count(
     ranks: np.ndarray,
     bins: np.ndarray,
 ) -> float:
-    """Histogram of the parallax of inliers, linear between two ``bins``; returns their total.
+    """Histogram of the parallax of inliers; returns the total of the histogram.
 
-    Matches with a negative size are left out.
+    Each inlier is divided between the two nearest ``bins`` in proportion. Matches with a negative
+    size are left out.
     """
     clear(bins)
     total = 0.0
@@ -168,7 +173,7 @@ def _at(bins: np.ndarray, rank: float, own: float) -> float:
 
 @step_kernel
 def _rank(p: float) -> float:
-    """Bin of a parallax in sigma: equal steps within the noise, equal ratios beyond.
+    """Bin of a parallax in sigma: equal steps within the noise, equal ratios beyond the noise.
 
     The rank is an inverse hyperbolic sine (Burbidge, Magee and Robb, J. Am. Stat. Assoc. 83, 1988,
     DOI 10.1080/01621459.1988.10478575) that starts at the end of the band.

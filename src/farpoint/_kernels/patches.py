@@ -53,10 +53,11 @@ def _split(rays: np.ndarray, parts: int, patch: np.ndarray) -> None:
 
 @kernel
 def split_patches(patch: np.ndarray, state: np.ndarray, half: np.ndarray) -> int:
-    """Split the patches into two halves in random order, each patch into the smaller half.
+    """Assign patches to two halves: in random order, each patch goes to the smaller half.
 
-    The function writes the ``half`` (N,) of each match, 0 or 1, by its ``patch`` (N,); ``state`` is
-    that of the random generator. It returns the number of matches in the first half.
+    The function writes the ``half`` (N,) of each match, 0 or 1, given the ``patch`` (N,) of each
+    match. ``state`` is the state of the random generator. The function returns the number of
+    matches in the first half.
     """
     patches = 0
     for i in range(patch.size):

@@ -1,10 +1,10 @@
-"""Second motion of a plane, and the log-likelihood ratio of the two motions by the relief of the
-plane.
+"""Second motion of a plane, and the log-likelihood ratio of both motions by the plane's relief.
 
 Two motions have the same homography of a plane (Longuet-Higgins, Proc. R. Soc. B 223, 1984, DOI
-10.1098/rspb.1984.0088). Their likelihoods differ by chance, by about sqrt(N) for N matches: each
-motion ignores the noise along its own epipolar lines. The relief of the plane decides: it displaces
-points along the epipolar lines of the true motion only.
+10.1098/rspb.1984.0088). The log likelihoods of the two motions differ by chance, by about sqrt(N)
+for N matches, because each motion ignores the noise along its own epipolar lines. The relief of the
+plane distinguishes the motions, because relief displaces points only along the epipolar lines of
+the true motion.
 """
 
 from __future__ import annotations
@@ -58,12 +58,12 @@ __all__ = ["other_motion"]
 def other_motion(
     matches: PackedMatches, pose: Pose, other: Pose, is_given: bool
 ) -> tuple[bool, float]:
-    """Whether the second motion of a plane competes, and the log-likelihood ratio of the given
-    motion to it.
+    """Whether the second motion of a plane competes, and the log-likelihood ratio to this motion.
 
-    ``other`` receives the second motion with its noise parameters; it has no meaning if there is
-    none. ``pose`` stays unchanged. If covariances are given per match (``is_given``), their size is
-    used but not their shape, because errors of tracks have another shape.
+    ``other`` receives the second motion and its noise parameters, and is undefined if there is no
+    second motion. ``pose`` is not changed. If covariances were given for each match (``is_given``),
+    the size of the covariances is used, but not their shape, because the errors of tracks have
+    another shape.
     """
     count = matches.total
     gate = GATE_SIGMA * math.sqrt(pose.mixture[0])
@@ -97,8 +97,8 @@ def _set_pose(pose: Pose, R: np.ndarray, t: np.ndarray, mixture: np.ndarray) -> 
 def _log_ratio(matches: PackedMatches, pose: Pose, other: Pose, is_given: bool) -> float:
     """Log-likelihood ratio of two motions by the relief, with EM of relief and noise.
 
-    The ratio is averaged over the planes of both motions, because a plane fitted with one motion
-    absorbs noise in favour of this motion.
+    The ratio is averaged over the planes fitted with each of the two motions, because a plane
+    fitted with one motion absorbs noise in favour of this motion.
     """
     pairs, prior, mixture, evidence = matches.pairs, matches.prior, pose.mixture, 0.0
     half_width, long_tail = matches.outlier_half_width, matches.long_tail
@@ -121,11 +121,12 @@ def _log_likelihood(
 ) -> float:
     """Log likelihood of the offsets from the plane (`_decompose`) under one motion.
 
-    A match belongs to one of three classes. An offset in the plane has the variance of the noise
-    across the epipolar line, and the variance of noise plus relief along this line. A match off the
-    plane lies anywhere on its line. The third class is an outlier. EM estimates the share of
-    matches off the plane and both variances; the variance along the lines is at least that across
-    them. With equal variances any motion has the same likelihood.
+    A match belongs to one of three classes. The offset of a match in the plane has the variance of
+    the noise across the epipolar line, and the variance of noise plus relief along this line. A
+    match off the plane lies anywhere on its epipolar line. The third class is outliers. EM
+    estimates the share of matches off the plane and both variances. The variance along the lines is
+    at least the variance across the lines. If both variances are equal, all motions have the same
+    likelihood.
     """
     # Density on a line of a match in the plane, at its place, over that of a uniform one.
     half_width, long_tail = matches.outlier_half_width, matches.long_tail
@@ -163,11 +164,11 @@ def _relief_log_likelihood(
 ) -> float:
     """One EM evaluation of `_log_likelihood`, by the squared offsets of `_decompose`.
 
-    ``relief`` (3,) holds the variances across and along the lines, over that of the noise, and the
-    share of matches off the plane; ``peak`` is the density of a match in the plane over that of a
-    uniform one. ``sums`` (5,) receives the expected numbers of matches on their lines, of those off
-    the plane, and of the core in the plane; and for the core in the plane the squares across and
-    along the lines.
+    ``relief`` (3,) holds the variances across and along the lines, in units of the noise variance,
+    and the share of matches off the plane. ``peak`` is the density of a match in the plane divided
+    by the density of a uniform match. ``sums`` (5,) receives three expected numbers, of matches on
+    their lines, of matches off the plane, and of core matches in the plane, and two sums over the
+    core matches in the plane: the squares across and along the lines.
     """
     pairs, prior, variance, tail_share = (
         point.pairs,
@@ -225,11 +226,11 @@ def _decompose(
     off: np.ndarray,
     parts: np.ndarray,
 ) -> None:
-    """Squared offsets ``parts`` from the plane: across the epipolar lines, then along them.
+    """Squared offsets ``parts`` from the plane: across the epipolar lines, then along the lines.
 
-    Each square is divided by its variance; the offset along a line is conditioned on the offset
-    across it. The sum of both squares is the same for any direction ``t`` and any shape of the
-    noise.
+    Each square is divided by the variance of the offset. The offset along a line is conditioned on
+    the offset across the line. For any shape of the noise, the sum of the two squares does not
+    depend on the direction ``t``.
     """
     rotation, direction = matrix(R), vector(t)
     for i in range(matches.total):
@@ -260,10 +261,11 @@ def _noise_times(pairs: np.ndarray, at: int, R: Matrix, is_given: bool, v: Vecto
 
 @step_kernel
 def _plane_offsets(point: LinearisationPoint, count: int, off: np.ndarray) -> None:
-    """Offsets ``off`` (3 N,) of the later rays from their prediction by a robustly fitted plane.
+    """Offsets ``off`` (3 N,) of the rays in camera 1 from their prediction by a fitted plane.
 
-    Offsets are in rad over the sigma of the noise, rotated about the ray by 90 degrees. The plane
-    ``n . X = 1`` (camera 0, unit of the translation) moves a ray a to ``R a + t (n . a)``.
+    The fit is robust. Offsets are in rad divided by the sigma of the noise, and are rotated about
+    the ray by 90 degrees. The plane ``n . X = 1`` (in camera 0, unit of the translation) moves a
+    ray a to ``R a + t (n . a)``.
     """
     size = point.prior.size
     inlier, square, spare, sizes = np.empty(size), np.empty(size), np.empty(size), np.empty(count)
@@ -285,9 +287,9 @@ def _plane_offsets(point: LinearisationPoint, count: int, off: np.ndarray) -> No
 
 @inlined_kernel
 def _apart(pairs: np.ndarray, at: int, R: Matrix, t: Vector) -> tuple[Vector, Vector, Vector]:
-    """Ray a of a match, and cross products of the later ray b with ``R a`` and with ``t``.
+    """Ray a of a match, and cross products of ray b in camera 1 with ``R a`` and with ``t``.
 
-    Cross products are accurate for short flow; differences of rays are not.
+    For short flow, cross products of rays are more accurate than differences of rays.
     """
     a, b = ray0(pairs, at), ray1(pairs, at)
     return a, cross(b, rotate(R, a)), cross(b, t)
@@ -316,7 +318,7 @@ def _add_to_plane(
 
 @inlined_kernel
 def _solve(M: np.ndarray, v: np.ndarray, variance: float, n: np.ndarray) -> None:
-    """Solve for the plane; damping moves an underdetermined plane as far away as possible."""
+    """Solve for the plane. Damping moves an underdetermined plane as far away as possible."""
     damping = 1e-9 * (M[0, 0] + M[1, 1] + M[2, 2]) + 1e-300 * variance
     for k in range(3):
         M[k, k] += damping
@@ -333,7 +335,10 @@ def _write_offset(
     n: np.ndarray,
     off: np.ndarray,
 ) -> float:
-    """Write the offset ``off`` of a match from the plane; returns its square over its variance."""
+    """Write the offset ``off`` of a match from the plane.
+
+    The function returns the squared offset divided by the variance of the offset.
+    """
     a, still, moved = _apart(pairs, address(i), R, t)
     over = 1.0 / math.sqrt(variance)
     away = axpby(over, still, over * dot(vector(n), a), moved)
@@ -343,7 +348,7 @@ def _write_offset(
 
 @step_kernel
 def _median(square: np.ndarray, inlier: np.ndarray, sizes: np.ndarray) -> float:
-    """Median of the squares of inliers; 0 without any. ``sizes`` (count,) is a buffer."""
+    """Median of the squares of inliers; 0 without inliers. ``sizes`` (count,) is a buffer."""
     consistent = 0
     for i in range(sizes.size):
         is_right = inlier[i] > 0.5

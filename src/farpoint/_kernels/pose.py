@@ -24,7 +24,7 @@ __all__ = [
 
 
 class PackedMatches(NamedTuple):
-    """Matches in panels, with their prior and the bounds of their noise."""
+    """Matches in panels, with the prior of each match and bounds of the noise."""
 
     pairs: np.ndarray
     """Panels of matches; see `pairs`."""
@@ -37,9 +37,10 @@ class PackedMatches(NamedTuple):
     long_tail: float
     """`mixture.LONG_TAIL` or `mixture.SHORT_TAIL`."""
     min_variance: float
-    """Lower bound of the noise variance, in squared units of the noise: rounding."""
+    """Lower bound of the noise variance, due to rounding, in squared units of the noise."""
     max_variance: float
-    """Upper bound of the noise variance, without a tail; infinite: both are estimated freely."""
+    """Upper bound of the noise variance. A finite bound excludes a heavy tail; an infinite bound
+    leaves variance and tail free."""
     soft_cheirality: bool
     """Whether the cheirality penalty is a residual of the refinement.
 
@@ -50,7 +51,7 @@ class PackedMatches(NamedTuple):
 
 
 class Pose(NamedTuple):
-    """A pose with its noise parameters and its linearisation."""
+    """A pose with noise parameters and the linearisation of the likelihood."""
 
     R: np.ndarray
     """(3, 3) rotation cam1_from_cam0."""
@@ -60,7 +61,7 @@ class Pose(NamedTuple):
     """(4,) noise variance of the core; share of outliers among all matches, of the tail among
     inliers, and of repeated structure among outliers."""
     normal: np.ndarray
-    """(6, 6) normal equations, as of `likelihood.linearize`."""
+    """(6, 6) normal equations; see `likelihood.linearize`."""
     cost: np.ndarray
     """(1,) negative log likelihood."""
 
@@ -88,7 +89,7 @@ class LinearisationPoint(NamedTuple):
 def linearisation_point(
     matches: PackedMatches, R: np.ndarray, t: np.ndarray, mixture: np.ndarray
 ) -> LinearisationPoint:
-    """Linearisation point of these matches at a pose."""
+    """Linearisation point of the likelihood of ``matches`` at a pose."""
     outlier_half_width, long_tail = matches.outlier_half_width, matches.long_tail
     return LinearisationPoint(
         matches.pairs, matches.prior, R, t, mixture, outlier_half_width, long_tail
@@ -125,7 +126,7 @@ def apply_step(R: np.ndarray, t: np.ndarray, x: np.ndarray) -> None:
 
 @inner_kernel
 def take_step(R: np.ndarray, t: np.ndarray, x: np.ndarray, size2: float) -> None:
-    """Retract the pose by ``-x``, of squared length ``size2``, shortened to 0.3 rad."""
+    """Retract the pose by ``-x``, with squared length ``size2``, limited to a step of 0.3 rad."""
     scale = -1.0 if size2 < 0.09 else -0.3 / math.sqrt(size2)
     for k in range(5):
         x[k] *= scale

@@ -31,9 +31,9 @@ def fit_rotation(
     """Maximum-likelihood rotation, and distance and inlier probability of each match.
 
     The function combines `rotation.refine_rotation` and `rotation.evaluate_rotation`, with the same
-    prior for all ``count`` matches. It returns the cost and the Laplace factor of
+    prior for all ``count`` matches. The results are the cost and the Laplace factor of
     `hypothesis_comparison.laplace_factor`. ``information`` (3, 3) receives the information on the
-    rotation, reduced for unknown outliers and the estimated noise.
+    rotation. The information is reduced, because outliers are not known and the noise is estimated.
     """
     prior = np.empty(inlier.size)
     for i in range(inlier.size):
@@ -52,7 +52,7 @@ def fit_rotation(
 
 @step_kernel
 def _determinant_beside_one(H: np.ndarray) -> float:
-    """Determinant of ``H + 1``, H symmetric (3, 3) and positive."""
+    """Determinant of ``H + I`` for a symmetric and positive H (3, 3)."""
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = matrix(H)
     xx, yy, zz = xx + 1.0, yy + 1.0, zz + 1.0
     first = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz)
@@ -76,23 +76,24 @@ def flow_beside_rotation(
     inlier: np.ndarray,
     band: float,
 ) -> tuple[int, int, float, int, float, float]:
-    """Statistics of the matches about their epipolar lines, for the two tests of a translation.
+    """Statistics of the matches near their epipolar lines, for the two tests of a translation.
 
-    A match is consistent with its line if its ``residual`` (N,) is within ``band``. ``distance2``
-    (N,) is its squared distance from the prediction of the rotation, ``inlier`` (N,) its inlier
-    probability by the rotation; all for unit noise.
+    A match is consistent with its epipolar line if the ``residual`` (N,) of the match is within
+    ``band``. ``distance2`` (N,) is the squared distance of each match from the prediction of the
+    rotation, and ``inlier`` (N,) is the inlier probability under the rotation. All values are for
+    unit noise.
 
     Returns
     -------
     unexplained, near : int
-        Outliers of the rotation; of these, those consistent with their line that flow towards the
-        direction.
+        Number of outliers of the rotation, and number of these outliers that are consistent with
+        their line and flow towards the direction.
     chance : float
-        Expected value of ``near`` by chance. An outlier lies anywhere on a circle around the
-        prediction of the rotation, with its own distance as the radius. The probability is the
-        share of this circle within the band, on the side of the direction.
+        Expected value of ``near`` by chance. By chance, an outlier lies anywhere on the circle
+        around the prediction of the rotation whose radius is the distance of the outlier. The
+        probability is the share of this circle within the band, on the side of the direction.
     consistent : int
-        Inliers of the rotation that are consistent with their line.
+        Number of inliers of the rotation that are consistent with their line.
     across, flow : float
         Sums, over the ``consistent`` matches, of the squared residuals and of the squared
         distances.
@@ -131,24 +132,26 @@ def translation_log_ratio(
 ) -> float:
     """Log-likelihood ratio of a general motion to a pure rotation, over all matches.
 
-    Together, the matches that both models explain can lower the ratio but not raise it. A rotation
-    explains the common flow of these matches, and another test compares their residuals.
+    The sum over all matches that both models explain can lower the ratio but not raise it, because
+    a rotation explains the common flow of these matches, and another test compares their residuals.
 
-    The prior of the parallax is the density of the other inliers. Here a share of the inliers, 0.5
-    or 0.9, is far and has parallax by noise only: at infinity, or with a common mean parallax that
-    the rotation absorbs. Mean and variance of this parallax are estimated from the matches that
-    both models explain; the estimate costs the logarithm of the number of distinct places up to the
-    largest parallax (Laplace's method without the ``2 pi``, left for the variance).
+    The prior of the parallax is the density of the parallax of the other inliers. In this test a
+    share of the inliers, 0.5 or 0.9, is far. The parallax of far inliers is only noise, with a mean
+    of zero or with a common mean that the rotation absorbs. Mean and variance of this parallax are
+    estimated from the matches that both models explain. For this estimate the log ratio is reduced
+    by the logarithm of the number of distinct places up to the largest parallax (Laplace's method;
+    the factor ``2 pi`` is left out to account for the variance).
 
     Parameters
     ----------
     matches : MatchProbabilities
     sigma : float
-        Noise of the motion.
+        1-sigma noise of the general motion.
     lift : float
-        Density of a far match at its place, over that of a uniform one on the line.
+        Density of a far match at its place, divided by the density of a match that is uniform along
+        the line.
     outlier_log_ratio : float
-        Logarithm of the outlier share of the motion over that of the rotation.
+        Logarithm of the ratio of the outlier shares under the motion and under the rotation.
     """
     count, middle, variance = _common_parallax(matches, sigma)
     places = max(_largest_parallax(matches, sigma) * math.sqrt(count / variance), 1.0)
@@ -171,7 +174,10 @@ def _log_ratio(
     middle: float,
     variance: float,
 ) -> float:
-    """`translation_log_ratio` for one share of far points with this mean and variance, in sigma."""
+    """`translation_log_ratio` for one share of far points and one mean and variance of parallax.
+
+    Mean and variance are in sigma.
+    """
     both = only = 0.0
     for i in range(matches.parallax.size):
         p = matches.parallax[i] / sigma - middle
@@ -203,8 +209,9 @@ def _largest_parallax(matches: MatchProbabilities, sigma: float) -> float:
 
 @step_kernel
 def _common_parallax(matches: MatchProbabilities, sigma: float) -> tuple[float, float, float]:
-    """Number of matches that both models explain, and mean and variance of the parallax of these
-    matches, in sigma.
+    """Number of matches that both models explain, and mean and variance of their parallax in sigma.
+
+    The two models are the general motion and the pure rotation.
     """
     count = middle = square = 0.0
     for i in range(matches.parallax.size):

@@ -1,7 +1,8 @@
-"""Ray casting: a walk through the cells of a grid of shapes, then the hills.
+"""Ray casting: traversal of the cells of a grid of shapes, then intersection with the hills.
 
-Directions need not have unit length: distances are in units of that length. The grid is walked by
-Amanatides and Woo, "A Fast Voxel Traversal Algorithm for Ray Tracing", Eurographics 1987.
+Directions need not have unit length. Distances are in units of the length of the direction. The
+traversal is that of Amanatides and Woo, "A Fast Voxel Traversal Algorithm for Ray Tracing",
+Eurographics 1987.
 """
 
 from __future__ import annotations
@@ -30,11 +31,11 @@ class Hit(NamedTuple):
     """First intersection of a ray."""
 
     distance: float
-    """In units of the length of the direction."""
+    """Distance, in units of the length of the direction."""
     surface: int
     """Number of a shape, or GROUND, SKY, or FIRST_RING and downwards for a ring of hills."""
     face: int
-    """Of a box: 0-3 the sides -x, +x, -z, +z; 4 top, 5 bottom."""
+    """Face of a box: 0 to 3 for the sides -x, +x, -z, +z, 4 for the top, 5 for the bottom."""
 
 
 @inlined_kernel
@@ -48,9 +49,9 @@ def slab(origin: float, direction: float, half: float) -> tuple[float, float]:
 
 @step_kernel
 def hit_box(ray: Ray, half: Vector) -> tuple[float, int]:
-    """Distance and face; infinity for a miss.
+    """Distance to a box, and face of the box; the distance is infinite if the ray misses the box.
 
-    The ray is given in the axes of the box, from its centre.
+    The ray is given in the axes of the box, relative to the centre of the box.
     """
     (px, py, pz), (dx, dy, dz), (half_x, half_y, half_z) = ray.origin, ray.direction, half
     near_x, far_x = slab(px, dx, half_x)
@@ -68,7 +69,10 @@ def hit_box(ray: Ray, half: Vector) -> tuple[float, int]:
 
 @step_kernel
 def hit_round(ray: Ray, radius: float, half_height: float, stretch: float) -> float:
-    """Distance to the outside of an ellipsoid (stretched to a ball) or a tube (stretch 0)."""
+    """Distance to the surface of an ellipsoid or a tube.
+
+    ``stretch`` turns the ellipsoid into a ball, and is 0 for a tube.
+    """
     (px, py, pz), (dx, dy, dz) = ray.origin, ray.direction
     qy, sy = py * stretch, dy * stretch
     a = dx * dx + sy * sy + dz * dz
@@ -83,7 +87,7 @@ def hit_round(ray: Ray, radius: float, half_height: float, stretch: float) -> fl
 
 @step_kernel
 def hit_shape(shape: np.ndarray, index: int, ray: Ray) -> tuple[float, int]:
-    """Distance to a shape and its face."""
+    """Distance to a shape, and face of the shape."""
     (ox, oy, oz), (dx, dy, dz) = ray.origin, ray.direction
     x, z = ox - shape[index, 0], oz - shape[index, 1]
     y = oy - 0.5 * (shape[index, 6] + shape[index, 7])
@@ -100,7 +104,7 @@ def hit_shape(shape: np.ndarray, index: int, ray: Ray) -> tuple[float, int]:
 
 @step_kernel
 def hit_hills(hills: Hills, ray: Ray) -> tuple[float, int]:
-    """Distance to the nearest ring of hills, and the ring; the origin lies within all of them."""
+    """Distance to the nearest ring of hills, and the ring. The origin lies inside all rings."""
     ring, height = hills.ring, hills.height
     (ox, oy, oz), (dx, dy, dz) = ray.origin, ray.direction
     a = dx * dx + dz * dz
@@ -126,7 +130,7 @@ def first_wall(
 ) -> tuple[int, int, float, float]:
     """Along one axis: the cell of the origin, the step to the next cell, and two distances.
 
-    The two distances are that to the first wall and that between two walls.
+    The first distance is from the origin to the first cell wall, the second from wall to wall.
     """
     cell = math.floor((origin - corner) / size)
     if direction == 0.0:
@@ -138,7 +142,7 @@ def first_wall(
 
 @step_kernel
 def hit_shapes(blocks: Blocks, ray: Ray, limit: float) -> tuple[float, int, int]:
-    """Nearest shape closer than ``limit``: distance, shape (NOTHING if none) and face."""
+    """Nearest shape closer than ``limit``: distance, shape (NOTHING if there is none) and face."""
     shape, cell_shape, grid = blocks.shape, blocks.cell_shape, blocks.grid
     (ox, oy, oz), (dx, dy, dz) = ray.origin, ray.direction
     nx, nz = int(grid[3]), int(grid[4])
@@ -189,10 +193,10 @@ def cast_rays(
     directions: np.ndarray,
     distances: np.ndarray,
 ) -> None:
-    """Fill ``distances`` (N,) from ``origins`` along ``directions`` (N, 3), in units of the lengths
-    of the directions.
+    """Fill ``distances`` (N,) from ``origins`` along ``directions`` (N, 3).
 
-    Infinite for the sky, NaN where a direction is.
+    The unit of a distance is the length of the direction. A distance is infinite for the sky, and
+    NaN if the direction is NaN.
     """
     for i in range(len(directions)):
         start = origins[i, 0], origins[i, 1], origins[i, 2]

@@ -38,12 +38,12 @@ __all__ = ["advance", "begin", "finish", "refine_pose"]
 
 @inner_kernel
 def refine_pose(matches: PackedMatches, precision: float, max_iterations: int, pose: Pose) -> None:
-    """Maximum-likelihood pose, with its noise parameters by EM.
+    """Maximum-likelihood pose, with noise parameters by EM.
 
-    The method is Gauss-Newton with the full derivative of the residuals, and with soft cheirality
-    of the penalised parallaxes. ``pose`` holds the initial pose and mixture, and receives the
-    result with its normal equations and cost. The refinement ends if the predicted decrease is
-    below ``precision``, in log likelihood, and the variance has converged.
+    The method is Gauss-Newton with the full derivative of the residuals and with soft cheirality.
+    ``pose`` holds the initial pose and mixture, and receives the refined pose with normal equations
+    and cost. The refinement ends if the predicted decrease is below ``precision``, in log
+    likelihood, and the variance has converged.
     """
     normal, cost, shares = pose.normal, pose.cost, np.empty(4)
     point = linearisation_point(matches, pose.R, pose.t, pose.mixture)
@@ -57,7 +57,7 @@ def refine_pose(matches: PackedMatches, precision: float, max_iterations: int, p
 
 @step_kernel
 def begin(matches: PackedMatches, mixture: np.ndarray, state: np.ndarray) -> None:
-    """Initialise the state; bound the noise of the initial mixture."""
+    """Initialise the state, and bound the noise of the initial mixture."""
     bound_noise(matches.max_variance, mixture)
     state[STATE_LOWEST] = state[STATE_SQUARE] = math.inf
     state[STATE_DAMPING], state[STATE_OVER_RELAXED], state[STATE_PREDICTED_DECREASE] = 0.0, 1.0, 0.0
@@ -132,7 +132,7 @@ def _take_step(
 
 @step_kernel
 def bound_noise(max_variance: float, mixture: np.ndarray) -> None:
-    """Bound the noise variance."""
+    """Bound the noise variance of the mixture."""
     if max_variance < math.inf:
         mixture[0], mixture[2] = min(mixture[0], max_variance), NO_TAIL_SHARE
 

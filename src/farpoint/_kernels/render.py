@@ -1,7 +1,7 @@
 """Images of a scene: one ray per pixel, or sixteen rays if the pixel or a neighbour shows an edge.
 
-Textures are filtered over the footprint of the pixel (`farpoint._kernels.texture`), and silhouettes
-by supersampling. A motion by a fraction of a pixel therefore changes the image as in a real camera.
+Textures are filtered over the footprint of the pixel (`farpoint._kernels.texture`). Silhouettes are
+supersampled. A motion by a fraction of a pixel therefore changes the image as in a real camera.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ __all__ = ["render"]
 
 
 def tent_offsets(count: int, half_width: float) -> np.ndarray:
-    """Offsets (count, 2), px, with a tent distribution: a rank-1 lattice, warped.
+    """Offsets (count, 2), px, with a tent distribution, from a warped rank-1 lattice.
 
-    All x differ from each other, and so do all y. An edge along rows or columns is therefore
-    sampled at as many places as there are samples.
+    All x are different, and all y are different. An edge along rows or columns is therefore sampled
+    at as many places as there are samples.
     """
     lattice = np.stack([np.arange(count), 7 * np.arange(count) % count], axis=1)
     share = (lattice + 0.5) / count
@@ -73,8 +73,9 @@ def pixel_grey(
     offsets: np.ndarray,
     footprint: float,
 ) -> tuple[float, Hit]:
-    """Mean grey value of the rays at ``offsets`` from the pixel's centre, and the surface that the
-    last ray hits.
+    """Mean grey value of the rays at ``offsets`` from the pixel's centre.
+
+    The function also returns the surface that the last ray hits.
     """
     centre = rotated(pose, ray[0], ray[1], ray[2])
     right = rotated(pose, step[0, 0], step[1, 0], step[2, 0])
@@ -114,15 +115,15 @@ def render(
     world_from_row : ndarray, shape (H, 4, 4)
         Pose ``world_from_cam`` of each row, at the time at which it is read.
     rays : ndarray, shape (H, W, 3)
-        Unit rays of the pixel centres in camera axes; NaN where there is none.
+        Unit rays of the pixel centres in camera axes; NaN if a pixel has no ray.
     steps : ndarray, shape (H, W, 3, 2)
-        Change of the ray by a pixel to the right and a pixel down.
+        Change of the ray to the next pixel on the right, and to the next pixel below.
     image : ndarray of float32, shape (H, W)
-        Out: grey values, about 0 to 255, not rounded; 0 where there is no ray.
+        Out: grey values, about 0 to 255, not rounded; 0 if a pixel has no ray.
     depth : ndarray, shape (H, W)
-        Out: m; infinite for the sky, NaN where there is no ray.
+        Out: distance along the ray, m; infinite for the sky, NaN if a pixel has no ray.
     surfaces : ndarray of int64, shape (H, W)
-        Out: eight times the number of the surface, plus its face.
+        Out: eight times the number of the surface, plus the number of the face.
     """
     rows, columns = depth.shape
     for sweep in range(2):  # all pixels by one ray, then the edges again by many

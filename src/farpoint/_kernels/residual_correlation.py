@@ -23,12 +23,12 @@ def patch_correlation(
     sigma: float,
     most: int,
 ) -> float:
-    """Correlation of residuals with those of the nearest neighbour in another patch.
+    """Correlation between the residuals of matches and of their neighbours in other patches.
 
     The correlation is ``sum r_i r_nn(i) / sum r_i^2`` over at most ``most`` of the ``rows``. The
-    nearest neighbour of a match has the least distance in both images together, among ``rows`` with
-    another ``patch`` (N,). The expected value is 0 for independent noise; the result is also 0
-    without neighbours.
+    nearest neighbour nn(i) of a match has the least distance, over both images together, among the
+    ``rows`` with another ``patch`` (N,). The expected value is 0 for independent noise. The result
+    is also 0 if there are no neighbours.
     """
     in_order = np.empty(rows.size, np.int64)
     _sort(pairs, rows, in_order)
@@ -75,7 +75,7 @@ def _sort(pairs: np.ndarray, rows: np.ndarray, in_order: np.ndarray) -> None:
 
 @inner_kernel
 def _neighbour(pairs: np.ndarray, rows: np.ndarray, patch: np.ndarray, place: int) -> int:
-    """Row of the nearest match in another patch; -1 if there is none."""
+    """Row of the nearest match in another patch; -1 if there is no such match."""
     at, own = address(rows[place]), patch[rows[place]]
     nearest, found = math.inf, -1
     for way in (-1, 1):
@@ -92,7 +92,7 @@ def _neighbour(pairs: np.ndarray, rows: np.ndarray, patch: np.ndarray, place: in
 
 @inlined_kernel
 def _distances2(pairs: np.ndarray, at: int, other: int) -> tuple[float, float]:
-    """Squared distances, rad^2: by the first coordinate in image 0, and in both images."""
+    """Two squared distances, rad^2: in the first coordinate of image 0, and over both images."""
     first = axpby(1.0, ray0(pairs, at), -1.0, ray0(pairs, other))
     second = axpby(1.0, ray1(pairs, at), -1.0, ray1(pairs, other))
     return first[0] * first[0], dot(first, first) + dot(second, second)

@@ -33,7 +33,7 @@ __all__ = [
 
 @inlined_kernel
 def _densities(square: float, precision: float, tail_share: float, prior: float) -> Densities:
-    """Densities of a match in two dimensions, over that of the core at 0."""
+    """Densities of a match in two dimensions, divided by the density of the core at 0."""
     return densities_of(
         square * precision, tail_share, tail_share / (TAIL_RATIO * TAIL_RATIO), prior, LONG_TAIL
     )
@@ -52,10 +52,10 @@ def rotation_linearize(
 ) -> float:
     """Robust cost, gradient ``g`` (3,) and Gauss-Newton matrix ``H`` (3, 3) without translation.
 
-    The values are those of `likelihood.linearize`, but for the two-dimensional residual ``E^T (b -
-    R a)`` on the tangent plane of ``b`` and its covariance ``E^T (S_b + R S_a R^T) E``. ``sums``
-    (4,) receives the expected number of inliers, of tail steps and of trials of the tail, and the
-    weighted squares of the residuals.
+    The values are those of `likelihood.linearize`, but for another residual: the two-dimensional
+    ``E^T (b - R a)`` in the tangent plane at ``b``, with the covariance ``E^T (S_b + R S_a R^T)
+    E``. ``sums`` (4,) receives three expected numbers (inliers, tail steps, trials of the tail) and
+    the sum of the weighted squared residuals.
     """
     rotation = matrix(R)
     precision, tail_share = 1.0 / mixture[0], mixture[2]
@@ -134,7 +134,7 @@ def refine_rotation(
 
 @inlined_kernel
 def _clutter(variance: float, outlier_share: float, half_width: float) -> float:
-    """Density of outliers over that of the core at 0, in two dimensions."""
+    """Density of outliers in two dimensions, divided by the density of the core at 0."""
     return outlier_share / (1.0 - outlier_share) * 2.0 * variance / (half_width * half_width)
 
 
@@ -150,8 +150,8 @@ def evaluate_rotation(
 ) -> float:
     """Squared distance of each match as in `rotation_distance2`, and the inlier probability.
 
-    Returns the share of the information that remains although the component of each match is
-    unknown, as `information.information` does.
+    The function returns the share of the information that remains although the mixture component of
+    each match is unknown, as `information.information` does.
     """
     rotation_distance2(pairs, R, distance2)
     clutter = _clutter(mixture[0], mixture[1], half_width)

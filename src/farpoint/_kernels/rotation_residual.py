@@ -30,7 +30,7 @@ Row = tuple[float, float, float, float]
 def _tangent_residual(
     pairs: np.ndarray, at: int, R: Matrix
 ) -> tuple[tuple, tuple, float, float, float, float, float]:
-    """Basis ``E`` of the tangent plane at ``b``; ``E^T (b - R a)`` and its unit covariance."""
+    """Basis ``E`` of the tangent plane at ``b``, and ``E^T (b - R a)`` with its unit covariance."""
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
     d = axpby(1.0, b, -1.0, m)
     first, second = tangent_columns(b)
@@ -62,7 +62,7 @@ def _square(pairs: np.ndarray, at: int, R: Matrix) -> float:
 
 @inlined_kernel
 def whitened_residual(pairs: np.ndarray, at: int, R: Matrix) -> tuple[float, Row, Row]:
-    """Squared distance; rows of Jacobian and residual, whitened."""
+    """Squared distance, and the whitened rows of Jacobian and residual."""
     first, second, z0, z1, s00, s01, s11 = _tangent_residual(pairs, at, R)
     m = rotate(R, ray0(pairs, at))
     # d(b - R a) = m x dtheta, so the rows of J = E^T [m]x are e x m.
@@ -82,7 +82,7 @@ def whitened_residual(pairs: np.ndarray, at: int, R: Matrix) -> tuple[float, Row
 def rotation_distance2(pairs: np.ndarray, R: np.ndarray, out: np.ndarray) -> None:
     """Squared Mahalanobis distances ``out`` of ``b`` from ``R a``, in units of the noise.
 
-    Two degrees of freedom each where translation is absent.
+    Without translation each squared distance has two degrees of freedom.
     """
     rotation = matrix(R)
     for panel in range(out.size // LANES):

@@ -1,4 +1,4 @@
-"""Rotation of the far matches: RANSAC with samples of three rays, and its consistent set."""
+"""Rotation of the far matches by RANSAC with samples of three rays, and the consistent matches."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ def _distance2(pairs: np.ndarray, at: int, R: Matrix) -> float:
 
 @sum_kernel
 def _truncated_squares(pairs: np.ndarray, R: np.ndarray, limit: float, best: float) -> float:
-    """Sum of the squared distances from a rotation, each at most ``limit``.
+    """Sum of the squared distances from a rotation, each limited to ``limit``.
 
-    Returns early with a value of at least ``best`` if the sum exceeds ``best``.
+    If the sum exceeds ``best``, the function returns early with a value of at least ``best``.
     """
     rotation = matrix(R)
     cost = 0.0
@@ -48,12 +48,12 @@ def search_rotation(
     state: np.ndarray,
     R: np.ndarray,
 ) -> int:
-    """RANSAC over rotations from three rays each (eqs. 7-13 of the paper); returns the number of
-    iterations.
+    """Search for a rotation by RANSAC with samples of three rays (eqs. 7-13 of the paper).
 
     The search minimises the truncated squares ``sum min(|b - R a|^2 / variance, tolerance^2)`` of
-    the ``count`` matches. It stops when a sample of consistent rays has been drawn with 99.9 %
-    probability. ``R`` receives the best rotation.
+    the ``count`` matches. The search ends when, with 99.9 % probability, a sample of consistent
+    rays has been drawn. ``R`` receives the best rotation. The function returns the number of
+    iterations.
     """
     limit = tolerance * tolerance
     hypothesis, M = np.empty((3, 3)), np.empty((3, 3))
@@ -83,10 +83,9 @@ def search_rotation(
 
 @sum_kernel
 def _correlate(pairs: np.ndarray, R: np.ndarray, limit: float, M: np.ndarray) -> float:
-    """``M = sum b a^T / variance`` over the matches within ``limit`` of a rotation; returns the
-    number of these matches.
+    """``M = sum b a^T / variance`` over the matches within ``limit`` of a rotation.
 
-    Filler is within any limit and has weight 0.
+    The function returns the number of these matches. Filler is within any limit and has weight 0.
     """
     rotation = matrix(R)
     inside = 0.0
@@ -129,12 +128,12 @@ def _write_rows(elements: Matrix, M: np.ndarray) -> None:
 def enlarge_rotation(
     pairs: np.ndarray, count: int, tolerance: float, R: np.ndarray, consistent: np.ndarray
 ) -> int:
-    """Enlarge the consistent set step by step, with a new fit after each step; returns the size of
-    the set.
+    """Enlarge the set of consistent matches step by step, and fit the rotation after each step.
 
-    The limit grows from 0.5 to 1 times the tolerance: a rotation from three noisy rays has an error
-    of about the noise of a far point. ``consistent`` (count,) receives whether a match is within
-    the tolerance; ``R`` is improved in place.
+    The limit grows from 0.5 to 1 times the tolerance, because the error of a rotation from three
+    noisy rays is about as large as the noise of a far point. ``consistent`` (count,) receives
+    whether each match is within the tolerance. ``R`` is improved in place. The function returns the
+    size of the set.
     """
     M = np.empty((3, 3))
     filled_up = pairs.size // PANEL * LANES - count

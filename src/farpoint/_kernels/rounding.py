@@ -1,4 +1,4 @@
-"""Noise of coordinates that were rounded to a grid, as by corner detectors and video codecs."""
+"""Noise of rounded coordinates; corner detectors and video codecs round coordinates to a grid."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["rounding_variance"]
 
 @kernel
 def rounding_variance(points0: np.ndarray, points1: np.ndarray) -> float:
-    """Lower bound of the variance, px^2, of rounded coordinates (N, 2); 0 if not rounded.
+    """Lower bound of the variance of coordinates (N, 2), px^2; 0 if they are not rounded.
 
     The grid is the coarsest one on which more than 10 % of the matches lie in both images.
     """

@@ -1,4 +1,4 @@
-"""Rolling shutter: rays rotated from the time of their row to that of the middle row."""
+"""Rolling shutter: rotation of rays from the time of their row to the time of the middle row."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ def unroll_rays(
     unrolled: np.ndarray,
     unrolled_by_pixel: np.ndarray,
 ) -> None:
-    """Rays (N, 3) ``Exp(-phase rate) ray``, and their derivatives (N, 3, 2) by the pixel.
+    """Rays (N, 3) ``Exp(-phase rate) ray``, and the derivatives (N, 3, 2) of these by the pixel.
 
-    ``rate`` is the rotation vector from the first row to the last, ``per_px`` the phase from one
-    row to the next: a pixel one row lower is also read one row later.
+    ``rate`` is the rotation vector from the first row to the last. ``per_px`` is the change of the
+    phase from one row to the next, because the next lower row is read later.
     """
     velocity = vector(rate)
     axis, angle = _axis_and_angle(velocity)
@@ -43,7 +43,7 @@ def unroll_rays(
 def rotate_rows(
     columns: np.ndarray, phases: np.ndarray, rate: np.ndarray, rotated: np.ndarray
 ) -> None:
-    """Columns (N, 3, K) as ``Exp(-phase rate) column``."""
+    """Rotated columns (N, 3, K), ``Exp(-phase rate) column``."""
     axis, angle = _axis_and_angle(vector(rate))
     for i in range(len(columns)):
         C = _rotation_about(axis, -angle * phases[i])
@@ -67,7 +67,7 @@ def _axis_and_angle(v: Vector) -> tuple[Vector, float]:
 
 @inlined_kernel
 def _rotation_about(axis: Vector, angle: float) -> Matrix:
-    """Rodrigues's formula."""
+    """Rotation matrix by Rodrigues's formula."""
     x, y, z = axis
     s, c = math.sin(angle), 1.0 - math.cos(angle)
     return (

@@ -14,10 +14,10 @@ __all__ = ["exponent_and_mantissa", "fma", "where"]
 
 
 def fma(a: Any, b: Any, c: Any) -> Any:
-    """``a b + c``, rounded once when compiled.
+    """``a b + c``, rounded once in compiled code.
 
-    The operation is explicit, so that every loop has the same digits. A compiler that may contract
-    products and sums does so differently from loop to loop.
+    The operation is explicit, so that every loop gives the same digits. A compiler that is allowed
+    to fuse products and sums would fuse them differently in different loops.
     """
     return a * b + c
 
@@ -34,7 +34,7 @@ def _lower_fma(_context: Any, builder: Any, _signature: Any, numbers: Any) -> An
 
 @inlined_kernel
 def where(condition: bool, a: float, b: float) -> float:
-    """``a`` where the condition holds, else ``b``; both are computed."""
+    """``a`` if the condition holds, else ``b``. Both ``a`` and ``b`` are computed."""
     return a if condition else b
 
 

@@ -1,4 +1,4 @@
-"""Arrays that describe a scene to the ray caster, and numbers of its parts."""
+"""Arrays that describe a scene to the ray caster, and numbers of the parts of a scene."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ class Blocks(NamedTuple):
     Attributes
     ----------
     shape : ndarray, shape (S, 9)
-        Metres. ``x, z`` of the axis, ``cos, sin`` of the yaw, half width along the shape's own x
-        and z (the radius, for round shapes, in the first), y of the top, y of the bottom, and the
-        kind: BOX, CYLINDER or ELLIPSOID.
+        For each shape: ``x, z`` of the axis, m, ``cos, sin`` of the yaw, half widths along the
+        shape's own x and z, m, y of the top and y of the bottom, m, and the kind: BOX, CYLINDER or
+        ELLIPSOID. For round shapes the first half width is the radius.
     cell_start : ndarray of int64, shape (nx * nz + 1,)
     cell_shape : ndarray of int64, shape (M,)
-        Shapes that reach into each cell of the grid: those of cell ``(i, j)`` are
+        Shapes that reach into each cell of the grid. The shapes of cell ``(i, j)`` are
         ``cell_shape[cell_start[j * nx + i] : cell_start[j * nx + i + 1]]``.
     cell_top : ndarray, shape (nx * nz,)
         y of the top of the highest shape in each cell.
@@ -46,7 +46,7 @@ class Hills(NamedTuple):
     Attributes
     ----------
     ring : ndarray, shape (K, 3)
-        The inner ones first: ``x, z`` of the centre and radius, m.
+        ``x, z`` of the centre and radius of each ring, m, from the innermost ring to the outermost.
     height : ndarray, shape (K, A)
         Heights above ground at A equal steps of azimuth, m.
     """
@@ -56,17 +56,18 @@ class Hills(NamedTuple):
 
 
 class Finish(NamedTuple):
-    """What the surfaces look like.
+    """Appearance of the surfaces.
 
     Attributes
     ----------
     paint : ndarray, shape (S + 1 + K, 7)
-        For every shape, then the ground, then every ring: mean grey, texture of the pattern, its
-        metres per texel, its gain in grey, gain of the noise in grey, and offsets in u and v, m.
+        One row for every shape, then for the ground, then for every ring: mean grey level, number
+        of the pattern's texture, metres per texel of the pattern, gain of the pattern in grey
+        levels, gain of the noise in grey levels, and offsets in u and v, m.
     texels : ndarray of float32
         Mip pyramids of all textures, one after the other, each from fine to coarse.
     texture : ndarray of int64, shape (T, 2)
-        Start in ``texels`` and binary logarithm of the width for each texture; 0 is the noise.
+        Start in ``texels`` and binary logarithm of the width of each texture. Texture 0 is noise.
     """
 
     paint: np.ndarray

@@ -59,10 +59,10 @@ def search_direction(
     R: np.ndarray,
     t: np.ndarray,
 ) -> float:
-    """Best direction among intersections of two great circles at a given rotation; returns its
-    cost.
+    """Best direction among intersections of two great circles at a given rotation.
 
-    The pairs are drawn from ``candidates`` (M,), indices of the matches that may carry translation.
+    The pairs of matches are drawn from ``candidates`` (M,), the indices of matches that may show
+    translation. The function returns the cost of the direction.
     """
     limit = tolerance * tolerance
     hypothesis = np.empty(3)
@@ -97,7 +97,8 @@ def _draw_distinct(sample: np.ndarray, among: np.ndarray, n: int, state: np.ndar
 def _mark_known(matches: PackedMatches, pose: Pose, tolerance: float, known: np.ndarray) -> float:
     """Mark the matches consistent with a pose as ``known``; returns the share of known matches.
 
-    1 if fewer than `MIN_MATCHES`: samples among them would hardly differ.
+    If fewer than `MIN_MATCHES` are known, the function returns 1, because samples of so few matches
+    would hardly differ.
     """
     mark_consistent(matches.pairs, pose.R, pose.t, tolerance, known)
     count = 0
@@ -158,16 +159,16 @@ def search_pose(
     The search starts at the direction of the flow of the ``candidates``. Samples of five matches
     are solved in turn from three starts (`_solve_sample`): the best pose; a rotation with a random
     direction; a rotation with the intersection of two great circles of the sample. Every second
-    sample is drawn from matches consistent with the best pose or a competing mode, which have few
-    outliers. A hypothesis whose truncated squares are low enough is refined and compared by its
-    likelihood with noise parameters of its own: a wrong mode has low squares only with a large
-    variance. Once a competing mode was found, more samples are drawn. Finally the ambiguous motions
-    of the best pose are compared.
+    sample is drawn from matches consistent with the best pose or a competing mode, because few of
+    these matches are outliers. A hypothesis whose truncated squares are low enough is refined, and
+    compared by its likelihood. Each hypothesis has separate noise parameters, because a wrong mode
+    has low squares only with a large variance. After a competing mode was found, more samples are
+    drawn. Finally the ambiguous motions of the best pose are compared.
 
-    ``best`` receives the likeliest pose, ``close`` the second likeliest, and ``secondary`` the
-    likeliest in another direction. The function returns the number of samples, whether the second
-    motion of a plane competes, whether ``secondary`` is within the margin, and whether ``close`` is
-    within the margin.
+    ``best`` receives the likeliest pose, ``close`` the second likeliest pose, and ``secondary`` the
+    likeliest pose in another direction. The function returns the number of samples, whether the
+    second motion of a plane competes, whether ``secondary`` is within the margin, and whether
+    ``close`` is within the margin.
     """
     pairs, prior, count, tolerance = matches.pairs, matches.prior, matches.total, budget.tolerance
     other = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
@@ -221,7 +222,7 @@ def _start(
     best: Pose,
     other: Pose,
 ) -> tuple[float, float]:
-    """Refine ``best`` from the direction of the flow of the ``candidates`` at its rotation.
+    """Refine ``best``, starting from its rotation and the direction of the ``candidates``' flow.
 
     The function returns the squared residual beyond which a match does not support a pose, and the
     truncated squares of all matches. ``other`` is a buffer.
@@ -241,8 +242,9 @@ def _start(
 def _search_ambiguous_motions(
     matches: PackedMatches, best: Pose, other: Pose, close: Pose, secondary: Pose
 ) -> bool:
-    """Compare the best pose with its ambiguous motions; returns whether the second motion of a
-    plane competes.
+    """Compare the best pose with its ambiguous motions.
+
+    The function returns whether the second motion of a plane competes.
     """
     gate = GATE_SIGMA * math.sqrt(best.mixture[0])
     is_planar = second_planar_motion(
@@ -275,11 +277,12 @@ def _solve_sample(
 ) -> bool:
     """Solve a sample from one of three starts (``start_kind`` 0 to 2) for the pose ``other``.
 
-    Kind 0 starts at the best pose. Kind 1 starts at a rotation near the initial one with a random
-    direction. Kind 2 starts at the same rotation with the intersection of the great circles of the
-    two rays with the longest flow. If the initial rotation leaves a long flow, kinds 1 and 2 start
-    at the rotation that aligns the rays of the sample (Kabsch), with the direction of its longest
-    flow. The function returns False without a start or a solution.
+    Kind 0 starts at the best pose. Kind 1 starts at a rotation near the initial rotation, with a
+    random direction. Kind 2 starts at the same rotation as kind 1, with the intersection of the
+    great circles of the two matches with the longest flow. If the initial rotation leaves a long
+    flow, kinds 1 and 2 start at the rotation that aligns the rays of the sample (Kabsch), with the
+    direction of the longest flow in the sample. The function returns False if there is no start or
+    no solution.
     """
     if start_kind == 0:
         copy(best.R, other.R)
@@ -318,8 +321,10 @@ def _direction_of_flow(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) 
 
 @step_kernel
 def _nearby_rotation(start: np.ndarray, flow: float, state: np.ndarray, R: np.ndarray) -> None:
-    """The initial rotation, or a random rotation whose distance is about the flow that the initial
-    rotation leaves.
+    """Write the initial rotation, or a random rotation near the initial rotation, to ``R``.
+
+    The distance of the random rotation is about as large as the flow that the initial rotation
+    leaves.
     """
     if flow < 0.2 * LONG_FLOW_RAD:
         copy(start, R)

@@ -13,17 +13,17 @@ __all__ = ["cover", "take_places"]
 def take_places(
     places: np.ndarray, taken: np.ndarray, reach: int, limit: int, kept: np.ndarray
 ) -> int:
-    """Accept free places in their order, up to a limit; returns their number.
+    """Accept free places in the given order, up to a limit; returns the number of accepted places.
 
     Parameters
     ----------
     places : ndarray of int64, shape (N, 2)
         Column and row, within ``taken``.
     taken : ndarray of bool, shape (H, W)
-        Every place accepted takes the pixels within ``reach`` along either axis.
+        Pixels that are taken. Every accepted place takes the square of half width ``reach``.
     reach, limit : int
     kept : ndarray of int64, shape (N,)
-        Out: indices of the places accepted, as many as are returned.
+        Out: indices of the accepted places.
     """
     count = 0
     for index in range(len(places)):
@@ -40,7 +40,7 @@ def take_places(
 
 @kernel
 def cover(places: np.ndarray, taken: np.ndarray, reach: int) -> None:
-    """Take the pixels within ``reach`` of every place; as for `take_places`."""
+    """Take the square of half width ``reach`` around every place, as `take_places` does."""
     for index in range(len(places)):
         _cover_one(places[index, 0], places[index, 1], taken, reach)
 

@@ -1,4 +1,4 @@
-"""Split-half ratio: squared difference of the poses by two halves over its expected value."""
+"""Split-half ratio: squared difference of the poses from two halves, over its expected value."""
 
 from __future__ import annotations
 
@@ -35,13 +35,14 @@ def pose_difference_ratio(
     patch: np.ndarray,
     state: np.ndarray,
 ) -> float:
-    """Mean ratio of the squared difference of the poses by two halves to its expectation.
+    """Mean ratio of the squared difference of the poses from two halves to its expectation.
 
     The ratio is the mean of ``d^T (C_1 + C_2)^-1 d / 5`` over random ``splits``. d is the
-    difference of two poses, each refined from this pose by half of the matches. C (5, 5) is the
-    covariance by one half at this pose, as in `covariance.covariance_here`. Matches of one
-    ``patch`` (N,) stay in one half; ``state`` is that of the random generator. A split with a half
-    that determines no motion is left out. The result is 1 if all splits are left out.
+    difference of two poses. Each of the two is refined from ``pose`` by half of the matches. C_1
+    and C_2 (5, 5) are the covariances from the two halves at ``pose``, as in
+    `covariance.covariance_here`. Matches of one ``patch`` (N,) are not split. ``state`` is the
+    state of the random generator. A split is left out if one of the halves determines no motion.
+    The result is 1 if all splits are left out.
     """
     total, counted = 0.0, 0
     half = np.empty(matches.total, np.int64)
@@ -69,7 +70,7 @@ def pose_difference_ratio(
 
 @inner_kernel
 def _rows_of(half: np.ndarray, which: int, count: int) -> np.ndarray:
-    """Rows of one half, ``count`` in number."""
+    """The ``count`` rows of one half."""
     rows = np.empty(count, np.int64)
     k = 0
     for i in range(half.size):
@@ -89,11 +90,11 @@ def _refine_by(
     pose: Pose,
     expected: np.ndarray,
 ) -> bool:
-    """Refine a pose by these matches from a start, with noise parameters of its own.
+    """Refine a pose by the matches ``rows`` from a start, with new noise parameters.
 
-    ``expected`` (5, 5) receives the covariance by these matches at the start. The covariance uses
-    the number of ``inliers`` of all matches, because the noise variance is that of all matches. The
-    function returns False if the matches determine no motion.
+    ``expected`` (5, 5) receives the covariance from the matches ``rows`` at the start. The
+    covariance uses the number of ``inliers`` among all matches, because the noise variance was
+    estimated from all matches. The function returns False if the matches determine no motion.
     """
     panels = (rows.size + LANES - 1) // LANES
     pairs, prior = np.empty(panels * PANEL), np.empty(panels * LANES)

@@ -1,7 +1,7 @@
 """Grey values of surfaces over the footprint of a pixel.
 
-Points, directions and steps are tuples (x, y, z). A step is the change of the ray's direction by
-one pixel, to the right or down. The footprint is the resulting shift of the intersection.
+Points, directions and steps are tuples (x, y, z). A step is the change of the ray's direction to
+the next pixel on the right or below. The footprint is the resulting shift of the intersection.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ __all__ = ["RayDifferential", "ray_grey"]
 
 
 class RayDifferential(NamedTuple):
-    """Ray differential: change of a ray's direction per pixel."""
+    """Ray differential: change of a ray's direction to the next pixel."""
 
     right: Vector
     down: Vector
@@ -59,7 +59,7 @@ class Frame(NamedTuple):
 
 @step_kernel
 def box_frame(shape: np.ndarray, index: int, face: int, point: Vector) -> Frame:
-    """Face of a box at a point relative to the box's axis."""
+    """Local frame of the face of a box, at a point relative to the axis of the box."""
     x, y, z = point
     cos, sin = shape[index, 2], shape[index, 3]
     along_x, along_z = (cos, 0.0, sin), (-sin, 0.0, cos)
@@ -73,7 +73,10 @@ def box_frame(shape: np.ndarray, index: int, face: int, point: Vector) -> Frame:
 
 @inlined_kernel
 def round_frame(radius: float, slope: float, point: Vector, v: float) -> Frame:
-    """Round surface at a point relative to its centre, with the texture wrapped around."""
+    """Local frame of a round surface, at a point relative to its centre.
+
+    The texture is wrapped around the surface.
+    """
     x, y, z = point
     across = math.sqrt(x * x + z * z) + 1e-12
     normal = (x / across, slope * y / across, z / across)
@@ -86,7 +89,7 @@ def round_frame(radius: float, slope: float, point: Vector, v: float) -> Frame:
 
 @step_kernel
 def surface_frame(blocks: Blocks, hills: Hills, hit: Hit, point: Vector) -> Frame:
-    """Surface at the intersection."""
+    """Local frame of the surface at the intersection."""
     shape, ring, surface = blocks.shape, hills.ring, hit.surface
     x, y, z = point
     if surface == GROUND:
@@ -112,15 +115,16 @@ def dot(a: Vector, b: Vector) -> float:
 
 @step_kernel
 def light(normal: Vector) -> float:
-    """Brightness by orientation: walls that face different ways differ."""
+    """Brightness by orientation, so that walls with different normals have different greys."""
     lit = abs(0.35 * normal[0] - 0.75 * normal[1] + 0.55 * normal[2])
     return 0.72 + 0.28 * lit / math.sqrt(dot(normal, normal))
 
 
 @step_kernel
 def sky_footprint(direction: Vector, differential: RayDifferential) -> Footprint:
-    """Footprint of a pixel on clouds that are infinitely far away and curve down towards the
-    horizon.
+    """Footprint of a pixel on the clouds, which are infinitely far away.
+
+    The layer of clouds curves down towards the horizon.
     """
     (right_x, right_y, right_z), (down_x, down_y, down_z) = differential.right, differential.down
     depth = 0.35 - direction[1]
@@ -134,7 +138,7 @@ def sky_footprint(direction: Vector, differential: RayDifferential) -> Footprint
 def wall_footprint(
     frame: Frame, t: float, direction: Vector, differential: RayDifferential
 ) -> Footprint:
-    """Footprint on a surface, m."""
+    """Footprint of a pixel on a surface, m."""
     normal, along_u, along_v = frame.normal, frame.along_u, frame.along_v
     facing = dot(normal, direction)
     facing = math.copysign(max(abs(facing), MIN_INCIDENCE_COSINE), facing)
@@ -174,7 +178,7 @@ def paint_row(blocks: Blocks, surface: int) -> int:
 def ray_grey(
     blocks: Blocks, hills: Hills, finish: Finish, ray: Ray, differential: RayDifferential, hit: Hit
 ) -> float:
-    """Grey value where a ray ended, averaged over its footprint."""
+    """Grey value at the end of a ray, averaged over the footprint of the pixel."""
     if hit.surface == SKY:
         return sky_grey(finish, ray.direction, differential)
     (ox, oy, oz), (dx, dy, dz), t = ray.origin, ray.direction, hit.distance

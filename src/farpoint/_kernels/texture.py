@@ -1,9 +1,8 @@
-"""Textures filtered over the footprint of a pixel by mip pyramids, with several taps for a long
-footprint.
+"""Textures filtered over the footprint of a pixel by mip pyramids.
 
 Trilinear lookups (Williams, "Pyramidal Parametrics", SIGGRAPH 1983) use the scale of the
-footprint's minor axis. They are averaged along its major axis (McCormack et al., "Feline", SIGGRAPH
-1999).
+footprint's minor axis. For a long footprint, several lookups are averaged along the major axis of
+the footprint (McCormack et al., "Feline", SIGGRAPH 1999).
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ class Footprint(NamedTuple):
 def bilinear(
     texels: np.ndarray, start: int, log2_width: int, level: int, u: float, v: float
 ) -> float:
-    """Level of a pyramid at ``u, v`` in texels of level 0, periodic."""
+    """Bilinear value of a level of a periodic pyramid at ``u, v``, in texels of level 0."""
     skipped = ((1 << (2 * log2_width + 2)) - (1 << (2 * (log2_width - level) + 2))) // 3
     width = 1 << (log2_width - level)
     x, y = u / (1 << level) - 0.5, v / (1 << level) - 0.5
@@ -55,7 +54,7 @@ def bilinear(
 def trilinear(
     texels: np.ndarray, start: int, log2_width: int, level: float, u: float, v: float
 ) -> float:
-    """Pyramid between its levels."""
+    """Value of a pyramid at a fractional ``level``, interpolated between two levels."""
     below = min(int(level), log2_width)
     above = min(below + 1, log2_width)
     fine = bilinear(texels, start, log2_width, below, u, v)
@@ -67,7 +66,7 @@ def trilinear(
 def footprint_of(
     u: float, v: float, right: tuple[float, float], down: tuple[float, float]
 ) -> Footprint:
-    """Footprint of a pixel, from the steps (u, v) to the pixels beside and below."""
+    """Footprint of a pixel, from the steps in (u, v) to the pixels on the right and below."""
     (ux, vx), (uy, vy) = right, down
     uu, uv, vv = ux * ux + uy * uy, ux * vx + uy * vy, vx * vx + vy * vy
     half_sum, half_difference = 0.5 * (uu + vv), 0.5 * (uu - vv)
@@ -79,14 +78,14 @@ def footprint_of(
 
 @inlined_kernel
 def scaled(footprint: Footprint, u: float, v: float, scale: float) -> Footprint:
-    """Footprint at another place, in units ``1 / scale`` as large."""
+    """Footprint moved to ``u, v``, with position and lengths multiplied by ``scale``."""
     major_u, major_v, minor = footprint.major_u, footprint.major_v, footprint.minor
     return Footprint(u * scale, v * scale, major_u * scale, major_v * scale, minor * scale)
 
 
 @inlined_kernel
 def filtered(finish: Finish, index: int, footprint: Footprint) -> float:
-    """Mean of a texture over a footprint in texels."""
+    """Mean of a texture over a footprint, which is given in texels."""
     texels, texture = finish.texels, finish.texture
     start, log2_width = texture[index, 0], texture[index, 1]
     u, v, major_u, major_v, minor = footprint

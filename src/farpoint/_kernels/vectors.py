@@ -1,4 +1,4 @@
-"""Vectors and matrices of three as tuples, which live in registers."""
+"""Vectors (3,) and matrices (3, 3) as tuples, which compiled code keeps in registers."""
 
 from __future__ import annotations
 

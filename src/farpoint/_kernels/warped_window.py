@@ -18,7 +18,7 @@ _WIDE = np.int64(PIXELS_AT_ONCE)  # a literal would be of another numba type
 
 
 class Around(NamedTuple):
-    """Pixels around a warped window."""
+    """Copy of the pixels around a warped window."""
 
     pixels: np.ndarray
     """All pixels that the window may need, by lines."""
@@ -27,7 +27,7 @@ class Around(NamedTuple):
 
 
 def blank_around(half: int) -> Around:
-    """Buffer for the surroundings of a window of ``2 half + 1`` pixels."""
+    """Buffer for the surroundings of a window that is ``2 half + 1`` pixels wide."""
     span = int(2.0 * MAX_WINDOW_STRETCH * half) + 5
     line = line_px(span)
     return Around(blank_values(room_px(span, line) + PIXELS_AT_ONCE), line)
@@ -43,7 +43,7 @@ def residual_of(
     around: Around,
     residual: np.ndarray,
 ) -> bool:
-    """Second image, warped, minus the brightness-corrected template; False outside the image."""
+    """Warped second image minus brightness-corrected template; False if outside the image."""
     window, contrast = template.window, template.contrast
     half, grey = window.half, window.grey
     reach_x = half * (abs(1.0 + theta[2]) + abs(theta[3]))
@@ -74,11 +74,12 @@ def _warp(
     line: int,
     out: np.ndarray,
 ) -> None:
-    """Interpolated values of a warped window around (x, y); undefined beyond its lines.
+    """Interpolated values of a warped window around (x, y).
 
-    Adjacent pixels have the same 3 x 3 neighbours, relative to an unwarped grid, while the warp
-    displaces them by at most one pixel. So many pixels are read in one step. Each step writes
-    `PIXELS_AT_ONCE` values, and the next step overwrites the surplus.
+    Relative to an unwarped grid, adjacent pixels have the same 3 x 3 neighbours as long as the warp
+    displaces the pixels by at most one pixel. All these adjacent pixels are read in one step. Each
+    step writes `PIXELS_AT_ONCE` values, and the next step overwrites the surplus values. Values
+    after the end of a line are undefined.
     """
     pixels, pixel_line = around.pixels, around.line
     xu, xv, yu, yv = theta[2], theta[3], theta[4], theta[5]
@@ -107,11 +108,12 @@ def _warp_part(
     to: int,
     out: np.ndarray,
 ) -> None:
-    """Values within 3 x 3 pixels that move along a line, in steps of the warp, piecewise bilinear.
+    """Values of a part of a line, interpolated bilinearly between 3 x 3 pixels for each value.
 
-    The upper left pixel is the ``i``-th. The first value is at (x, y) = ``begin`` from this pixel,
-    0 to 2 px; each further value is displaced by the ``slope``. The first value is written to index
-    ``to``.
+    For the first value, the upper left of the 3 x 3 pixels is the ``i``-th pixel, and for each
+    further value the next pixel of the line. The first value is at (x, y) = ``begin`` from the
+    upper left pixel, 0 to 2 px. Each further value is displaced by ``slope``. The first value is
+    written to index ``to``.
     """
     zero, one = np.float32(0.0), np.float32(1.0)
     (x, y), (slope_x, slope_y) = begin, slope
@@ -130,6 +132,6 @@ def _warp_part(
 
 @inlined_kernel
 def _along(pixels: np.ndarray, i: np.uintp, a: float, b: float) -> float:
-    """Value at ``a + b`` pixels to the right of the i-th, piecewise linear."""
+    """Value, linearly interpolated, at ``a + b`` pixels to the right of the i-th pixel."""
     left, middle, right = pixels[i], pixels[i + np.uintp(1)], pixels[i + np.uintp(2)]
     return fma(b, right - middle, fma(a, middle - left, left))

@@ -1,13 +1,15 @@
 """Sums over the observations of a window: information on poses, lens, shutter and points.
 
-A point has the ray ``b`` in its anchor and the inverse depth ``s``: in the world it is, up to
-scale, ``X = R_a b + s p_a``. Keyframe k observes it along ``R_k^T (X - s p_k)``, which is compared
-with the observed pixel. Poses are perturbed as ``R' = Exp(theta) R``, ``p' = Exp(theta) p + rho``,
-both in the world. Then the derivative by the anchor's pose is minus the derivative by the
-observer's pose. Rolling shutter: a camera that rotates by ``w`` and moves by ``v`` per second
-observes the point at ``X - t (w x (X - s p) + s v)`` in a row that is read t later.
+A point has the ray ``b`` in its anchor, keyframe a, and the inverse depth ``s``. In world axes and
+up to scale, the point is ``X = R_a b + s p_a``. Keyframe k observes the point along ``R_k^T (X - s
+p_k)``. The projection of this ray is compared with the observed pixel. Poses are perturbed in world
+axes as ``R' = Exp(theta) R``, ``p' = Exp(theta) p + rho``. With this perturbation, the derivative
+by the anchor's pose is minus the derivative by the observer's pose. Rolling shutter: a camera that
+rotates by ``w`` and moves by ``v`` per second observes the point at ``X - t (w x (X - s p) + s v)``
+in a row that is read the time t after the middle row.
 
-These loops are plain `numba.njit`: arrays in, the caller's arrays out.
+The functions are compiled with plain `numba.njit`. They take arrays and write into arrays of the
+caller.
 """
 
 from __future__ import annotations
@@ -68,14 +70,17 @@ def _cross(ax, ay, az, bx, by, bz):
 
 @_inline
 def _lag(twist, x, y, z, s):
-    """``w x d + s v``: velocity, times ``s``, of a point at ``d`` relative to the camera."""
+    """``w x d + s v``: change per second of a homogeneous point at ``d`` from the camera."""
     cx, cy, cz = _cross(twist[0], twist[1], twist[2], x, y, z)
     return cx + s * twist[3], cy + s * twist[4], cz + s * twist[5]
 
 
 @_inline
 def _whitened(noise, last, travelled, before, u, v):
-    """Inverse covariance (uu, uv, vv) of a change of residual since ``before``; squared norm."""
+    """Inverse covariance (uu, uv, vv) of the change of a residual, and squared norm of the change.
+
+    The change is counted from the observation ``before``.
+    """
     uu = noise[3] * (noise[0] * last[0] + noise[1] * abs(travelled[0] - before[0]) + noise[2])
     uv = noise[3] * (noise[0] * last[1] + noise[1] * (travelled[1] - before[1]))
     vv = noise[3] * (noise[0] * last[2] + noise[1] * abs(travelled[2] - before[2]) + noise[2])
@@ -87,7 +92,10 @@ def _whitened(noise, last, travelled, before, u, v):
 
 @_loop
 def by_sigmas(by_parameters, factor, out):
-    """``by_parameters @ factor`` (N, 2, r) of (N, 2, P) and (P, r), without the threads of BLAS."""
+    """Product ``by_parameters @ factor`` (N, 2, r), computed without the threads of BLAS.
+
+    The factors have the shapes (N, 2, P) and (P, r).
+    """
     for n in range(len(out)):
         for q in range(2):
             for i in range(factor.shape[1]):
@@ -101,7 +109,7 @@ def by_sigmas(by_parameters, factor, out):
 def expected_rays(
     R, p, twist, readout, lens, frame, point, row_phase, rays, ray_by_lens, anchor, s, out
 ):
-    """Predicted unit rays (N, 3) of points; arguments as of `pixel_residuals`."""
+    """Predicted unit rays (N, 3) of points. The arguments are those of `pixel_residuals`."""
     for o in range(len(frame)):
         j = point[o]
         a = anchor[j]
@@ -132,34 +140,35 @@ def pixel_residuals(
     anchor, s, used,
     residuals, by_pose, by_common, by_s,
 ):  # fmt: skip
-    """Predicted minus observed pixel of every observation, and its derivatives.
+    """Predicted minus observed pixel of every observation, and derivatives of this residual.
 
     Parameters
     ----------
     R, p, twist : (K, 3, 3), (K, 3), (K, 6)
-        Keyframes in the world, and their velocities there: of rotation and of the position, per s.
+        Poses of the keyframes in world axes, and their angular and linear velocities, per s.
     readout : float
         Read-out time, s.
     lens : (r,)
-        Change of the lens since rays and derivatives were taken, in sigmas.
+        Change of the lens since rays and derivatives were computed, in sigmas.
     frame, point : (N,)
-        Keyframe and point of each observation, keyframes ascending.
+        Keyframe and point of each observation, in ascending order of keyframes.
     row_phase : (N,)
-        Time at which the row of an observation is read: from -1/2 to 1/2 of the read-out time.
+        Time at which the row of an observation is read, from -1/2 to 1/2 of the read-out time.
     rays, ray_by_lens : (M, 3), (M, 3, r)
-        Ray of each point in its anchor, and its derivative by the lens.
+        Ray of each point in its anchor, and derivative of this ray by the lens.
     expected, offsets, by_ray, by_lens : (N, 3), (N, 2), (N, 2, 3), (N, 2, r)
-        Ray near the predicted one, its pixel minus the observed one, and the pixel's derivatives.
+        Ray near the predicted ray, pixel of this ray minus observed pixel, and derivatives of this
+        pixel by the ray and by the lens.
     anchor : (M,)
-        Observation in which each point has its ray.
+        Observation that is the anchor of each point.
     s : (M,)
         Inverse depths.
     used : (M,)
         Whether the point is used.
     residuals, by_pose, by_common, by_s : (N, 2), (N, 2, 6), (N, 2, r + 1), (N, 2)
-        Results, `UNSEEN_PX` where the point is not in front of the camera; derivatives by the
-        observer's pose, by lens and read-out time, and by the inverse depth, which are left as they
-        are for anchors and where the point is not in front of the camera.
+        Results: residuals, and derivatives by the observer's pose, by lens and read-out time, and
+        by the inverse depth. If a point is not in front of the camera, the residual is `UNSEEN_PX`.
+        The derivatives of such points and of anchors are not written.
     """
     r = len(lens)
     for o in range(len(frame)):
@@ -228,16 +237,18 @@ def gather_information(
 ):  # fmt: skip
     """Information (D, D) and gradient (D,) of poses and common unknowns, and of the points.
 
-    Errors of a track accumulate from match to match, so the residual of a term is the change since
-    the last keyframe that observed the track. D is 6 for each keyframe, then the lens, then the
-    read-out.
+    Errors of a track accumulate from match to match. The residual of a term is therefore the change
+    since the last keyframe that observed the track. The D unknowns are 6 for each keyframe, then
+    the lens, then the read-out time.
 
     Parameters
     ----------
     last, travelled : (N, 3)
-        Covariances (uu, uv, vv), px^2: of the last match, and summed since the track began.
+        Covariance (uu, uv, vv), px^2, of the last match, and sum of the covariances since the track
+        began.
     noise : (4,)
-        Share of the last covariance, share of the summed ones, floor (px^2), variance factor.
+        Weight of the last covariance, weight of the summed covariances, floor (px^2), and factor on
+        the variance.
     patch : (N,) of int
         Part of the image in which the observation lies.
     before : (M,) of int
@@ -246,12 +257,14 @@ def gather_information(
         Results, initially zero: information and gradient of poses and common unknowns, their
         coupling with the inverse depths, information and gradient of the inverse depths.
     patch_sums, point_sums : (P, 2), (M, 2)
-        Results, initially zero: sums of residuals, each in units of its sigma times its weight.
+        Results, initially zero: sums over patches and over points of residuals in units of their
+        sigma, times their weights.
 
     Returns
     -------
     (float, float, int)
-        Sum of the weighted squares, sum of the squared summands of the sums, and number of terms.
+        Sum of the weighted squared residuals, sum of the squares of the numbers that were added to
+        ``patch_sums``, and number of terms.
     """
     D, G = len(g), by_common.shape[2]
     J, where = np.empty((2, 18 + G)), np.empty(18 + G, np.int64)
@@ -430,27 +443,29 @@ def locate(
     Parameters
     ----------
     R, p : (3, 3), (3,)
-        The pose; updated in place.
+        The pose, which is updated in place.
     R0, p0, seconds, readout : (3, 3), (3,), float, float
-        Pose of the frame before, time since then, s, and read-out time, s.
+        Pose of the previous frame, time since the previous frame, s, and read-out time, s.
     offsets, row_phase, expected, by_ray : (N, 2), (N,), (N, 3), (N, 2, 3)
-        As of `pixel_residuals`; offsets minus the residuals in the last keyframe.
+        The same quantities as in `pixel_residuals`, but the residual of each point in its last
+        keyframe is subtracted from the offset.
     covariances : (N, 3)
-        Covariances of the change of the residuals since that keyframe (uu, uv, vv), px^2.
+        Covariances (uu, uv, vv), px^2, of the change of the residuals since the last keyframe.
     inflations : (I,)
         Factors on the covariances for each step: above 1 for an initial pose with large errors.
     X, s, s_variance, base : (N, 3), (N,), (N,), (N, 3)
-        Homogeneous points, their inverse depths with variances, and the derivative of X by s.
+        Homogeneous points, inverse depths, variances of the inverse depths, and derivatives of X by
+        s.
     before_by_s : (N, 2)
-        Derivatives by the inverse depth of the residuals in the last keyframe.
+        Derivatives of the residuals in the last keyframe by the inverse depths.
     H, squares : (6, 6), (N,)
-        Results: information on the pose before the last step; and squared residuals over their
-        variances there, infinite for a point that is not in front of the camera.
+        Results before the last step: information on the pose, and squared residuals divided by
+        their variances. The square is infinite for a point that is not in front of the camera.
 
     Returns
     -------
     (float, int)
-        Robust cost before the last step, and number of points in it; 0 where a step failed.
+        Robust cost before the last step, and number of points in the cost; 0 if a step failed.
     """
     J, m = np.empty((2, 6)), np.empty((2, 3))
     e, E = np.empty(2), np.empty(2)

@@ -21,7 +21,7 @@ __all__ = ["Influence", "blank_influence", "covary", "find_influence", "quadrati
 
 
 class Influence(NamedTuple):
-    """Influence of the pixels on the displacement of a match, px."""
+    """Influence of each pixel of the window on the displacement of a match, px."""
 
     rows: np.ndarray
     """(2, 8) rows of the inverse normal matrix for the displacement."""
@@ -35,7 +35,7 @@ class Influence(NamedTuple):
 
 
 def blank_influence(half: int) -> Influence:
-    """Buffers for the influence of a window of ``2 half + 1`` pixels."""
+    """Buffers for the influence in a window that is ``2 half + 1`` pixels wide."""
     width, around = 2 * half + 1, 2 * half + 1 + 2 * (RESIDUAL_BLOCK_PX - 1)
     line = line_px(around)
     pixels = np.zeros((2, width * line_px(width)), np.float32)
@@ -45,7 +45,7 @@ def blank_influence(half: int) -> Influence:
 
 @inner_kernel
 def solve(factor: np.ndarray, vector: np.ndarray) -> None:
-    """Solve ``F @ F.T @ x = vector`` in place; the diagonal of the factor F is inverted."""
+    """Solve ``F @ F.T @ x = vector`` in place. The diagonal of F is stored inverted."""
     for a in range(AFFINE_PARAMETERS):
         for b in range(a):
             vector[a] -= factor[a, b] * vector[b]
@@ -58,7 +58,7 @@ def solve(factor: np.ndarray, vector: np.ndarray) -> None:
 
 @step_kernel
 def find_influence(factor: np.ndarray, template: Template, influence: Influence) -> None:
-    """Fill ``rows`` and ``pixels``."""
+    """Fill the fields ``rows`` and ``pixels`` of ``influence``."""
     rows, pixels = influence.rows, influence.pixels
     rows[:] = 0.0
     for a in range(2):
@@ -69,9 +69,9 @@ def find_influence(factor: np.ndarray, template: Template, influence: Influence)
 
 @step_kernel
 def quadratic_bias(template: Template, influence: Influence, bias: np.ndarray) -> None:
-    """Bias of a match by the quadratic part of the window's motion, which the model leaves out.
+    """Bias of a match due to quadratic motion within the window, which is not part of the model.
 
-    A displacement ``q(w)`` at the pixel w decreases its residual by ``gradient . q``.
+    A displacement ``q(w)`` of the pixel w decreases the residual of the pixel by ``gradient . q``.
     """
     for a in range(2):
         sums = _quadratic_moves(template, influence.pixels[a])
@@ -82,7 +82,7 @@ def quadratic_bias(template: Template, influence: Influence, bias: np.ndarray) -
 
 @sum_kernel
 def _quadratic_moves(template: Template, influence: np.ndarray) -> tuple:
-    """Influence times each gradient times ``u u``, ``u v`` and ``v v``, summed."""
+    """Sums over the window of influence times each gradient times ``u u``, ``u v`` and ``v v``."""
     gx, gy, us, vs = template.window.gx, template.window.gy, template.u, template.v
     zero = np.float32(0.0)
     xuu, xuv, xvv, yuu, yuv, yvv = zero, zero, zero, zero, zero, zero
@@ -107,12 +107,12 @@ def covary(
     influence: Influence,
     covariance: np.ndarray,
 ) -> None:
-    """Sandwich covariance of the displacement: sums of influence times residual.
+    """Sandwich covariance of the displacement, from products of influence and residual.
 
-    Neighbouring residuals are correlated (interpolation, blur, model error). The products are
-    therefore summed over every block of 3 x 3 pixels before they are squared: the estimate of Newey
-    and West (1987) in two dimensions, with triangular weights up to a lag of 2 px. The estimate is
-    positive semi-definite by construction.
+    Neighbouring residuals are correlated because of interpolation, blur and errors of the model.
+    The products are therefore summed over every block of 3 x 3 pixels, and the sums are squared.
+    This is the estimate of Newey and West (1987) in two dimensions, with triangular weights up to a
+    lag of 2 px. The estimate is positive semi-definite by construction.
     """
     half, line = template.window.half, template.window.line
     rows, pixels, moves = influence.rows, influence.pixels, influence.moves
@@ -141,7 +141,7 @@ def covary(
 
 @sum_kernel
 def _block_moments(moves: np.ndarray, line: int, size: int) -> tuple[float, float, float]:
-    """Mean over the shifts of the block of the second moments of block sums."""
+    """Second moments of the sums over blocks, averaged over all positions of the blocks."""
     zero = np.float32(0.0)
     xx, xy, yy = zero, zero, zero
     one, two = np.uintp(1), np.uintp(2)
@@ -165,11 +165,12 @@ def _block_moments(moves: np.ndarray, line: int, size: int) -> tuple[float, floa
 
 @step_kernel
 def _undo_attenuation(rows: np.ndarray, power: float, covariance: np.ndarray) -> None:
-    """Correct for noise in the gradients, which makes the information of a window too large.
+    """Correct a covariance for noise in the gradients, which makes the information too large.
 
-    With ``D`` (2, 2) the information on the displacement and ``nu`` the part of it due to noise,
-    the covariance is ``S C S``, ``S = inv(D - nu I) D = I + nu inv(D - nu I)``. ``nu`` is at most
-    1/3 of the smallest eigenvalue of D, since not all of a residual is noise.
+    ``D`` (2, 2) is the information on the displacement, and ``nu`` is the part of D that is due to
+    noise. The corrected covariance is ``S C S`` with ``S = inv(D - nu I) D = I + nu inv(D - nu
+    I)``. ``nu`` is at most 1/3 of the smallest eigenvalue of D, because only a part of a residual
+    is noise.
     """
     # inv(D) is the displacement's block of the inverse normal matrix.
     mean = 0.5 * (rows[0, 0] + rows[1, 1])

@@ -1,8 +1,9 @@
 """Windows of an image at sub-pixel positions, for Lucas-Kanade and the affine refinement.
 
-An image is a flat array of bytes with a border, so that a window may extend beyond it. Lines of a
-window have a multiple of `VECTOR_LANES` pixels, for vector instructions; pixels beyond the window
-have no weight. Floats are float32: a window holds a few hundred 8-bit values.
+An image is a flat array of bytes with a border, so that a window may extend beyond the image. For
+vector instructions, the length of a window's lines in memory is a multiple of `VECTOR_LANES`
+pixels. Pixels in a line beyond the window have no weight. Floats are float32, which is accurate
+enough for windows of a few hundred 8-bit values.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ class Image(NamedTuple):
     values: np.ndarray
     """(V,) uint8."""
     place: int
-    """Index of its pixel (0, 0)."""
+    """Index of the image's pixel (0, 0)."""
     line: int
     """Stride from one line to the next."""
     width: int
@@ -52,7 +53,7 @@ class Image(NamedTuple):
 
 
 class Window(NamedTuple):
-    """Window around a point, by lines of pixels."""
+    """Window around a point, stored as lines of pixels."""
 
     half: int
     """Half-size: the window is ``2 half + 1`` pixels wide and high."""
@@ -83,9 +84,7 @@ def line_px(width: int) -> int:
 
 
 def room_px(rows: int, line: int) -> int:
-    """Size of a buffer for this number of lines, including the pixels that are read beyond the last
-    line.
-    """
+    """Size of a buffer for ``rows`` lines, including pixels that are read beyond the last line."""
     return (rows + 1) * line + VECTOR_LANES
 
 
@@ -95,7 +94,7 @@ def blank_values(size: int) -> np.ndarray:
 
 
 def blank_window(half: int, line: int) -> Window:
-    """Buffers of a window with lines of this length; ``inside`` is filled in."""
+    """Buffers of a window with lines of length ``line``; ``inside`` is already filled in."""
     width = 2 * half + 1
     size = width * line
     inside = blank_values(size)
@@ -105,7 +104,7 @@ def blank_window(half: int, line: int) -> Window:
 
 @inner_kernel
 def read(image: Image, left: int, top: int, rows: int, line: int, pixels: np.ndarray) -> None:
-    """Read lines of ``pixels`` as floats from an image; the first pixel is its (left, top)."""
+    """Read lines of an image as floats into ``pixels``, beginning at the pixel (left, top)."""
     values = image.values
     place, stride = np.uintp(image.place + top * image.line + left), np.uintp(image.line)
     out, length = np.uintp(0), np.uintp(line)
@@ -118,7 +117,7 @@ def read(image: Image, left: int, top: int, rows: int, line: int, pixels: np.nda
 
 @inner_kernel
 def weights_of(x: float, y: float) -> Weights:
-    """Bilinear weights of a pixel and its neighbours to the right, below and diagonal."""
+    """Bilinear weights of a pixel and of its neighbours to the right, below, and diagonally."""
     a, b, one = np.float32(x), np.float32(y), np.float32(1.0)
     return (one - a) * (one - b), a * (one - b), (one - a) * b, a * b
 
@@ -127,7 +126,7 @@ def weights_of(x: float, y: float) -> Weights:
 def value_at(pixels: np.ndarray, i: np.uintp, line: int, weights: Weights) -> np.floating:
     """Bilinear interpolation between the pixel ``i`` and its three neighbours.
 
-    Indices are unsigned: a signed one may count from the end and needs a check.
+    Indices are unsigned, because a signed index may count from the end and needs a check.
     """
     right, below = np.uintp(1), np.uintp(line)
     above = weights[0] * pixels[i] + weights[1] * pixels[i + right]
@@ -144,7 +143,7 @@ def sample(
     pixels: np.ndarray,
     patch: np.ndarray,
 ) -> None:
-    """Fill the lines of ``patch`` with interpolated values, the first of them at (x, y)."""
+    """Fill the lines of ``patch`` with interpolated values. The first value is at (x, y)."""
     left, top = math.floor(x), math.floor(y)
     read(image, left, top, rows + 1, line, pixels)
     weights = weights_of(x - left, y - top)
@@ -180,9 +179,9 @@ def relaxed_share(
 ) -> float:
     """Share of a step to take, 0.5 to 1, from the share of the previous step (secant method).
 
-    The gradients of a sampled image are too small, by up to 50 % where it is sharp, and
-    Gauss-Newton oscillates. The component of the new step along the previous one is the error of
-    that step's length.
+    The gradients of a sampled image are too small, by up to 50 % in sharp parts of the image, so
+    Gauss-Newton oscillates. The component of the new step along the previous step is the error of
+    the previous step's length.
     """
     square = before_x * before_x + before_y * before_y
     left = (step_x * before_x + step_y * before_y) / square if square > 0.0 else 0.0

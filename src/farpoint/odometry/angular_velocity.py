@@ -34,13 +34,14 @@ class AngularVelocity:
         self._rates = [*rates[-1:], rate]
 
     def break_off(self) -> None:
-        """Forget the motion, because the next frames do not continue it."""
+        """Forget all motions: the next frame does not follow the last motion."""
         self._rates = []
 
     def prior(self, seconds: float) -> AngularVelocityPrior | None:
-        """Prior for the next pair over this interval, s; None before the first motion.
+        """Prior for the next pair of frames, which are ``seconds`` apart; None at the beginning.
 
-        The angular velocity is linear in time or constant, whichever had the smaller error so far.
+        The prior takes the angular velocity as linear in time or as constant. The assumption with
+        the smaller error in the earlier frames is used.
         """
         if not self._rates or not self._squares:
             return None

@@ -15,14 +15,14 @@ __all__ = ["at_rest"]
 
 
 def at_rest(pose: RelativePose, rest: Rest | None) -> RelativePose:
-    """Replace the motion of a camera at rest by one without translation: STATIC or ROTATION_ONLY.
+    """Replace the motion of a camera at rest by a STATIC or ROTATION_ONLY motion.
 
     Parameters
     ----------
     pose : RelativePose
         Two-view estimate.
     rest : Rest or None
-        Result of the test for rest by known points; with None the motion is returned unchanged.
+        Evidence of landmarks that the camera is at rest. If None, ``pose`` is returned unchanged.
     """
     if rest is None:
         return pose

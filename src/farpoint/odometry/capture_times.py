@@ -19,13 +19,14 @@ __all__ = ["CaptureTimes"]
 
 
 class CaptureTimes:
-    """Times of capture of a camera with a constant period, from stamps of arrival.
+    """Capture times of a camera with a constant period, from time stamps of arrival.
 
     A time stamp can be the arrival time of a frame. Drivers and buses delay frames by some
     milliseconds, which changes velocities by 10 % and more. If the period is constant, the errors
-    of the stamps are independent: an interval has twice their variance, and successive intervals
-    have a correlation of -1/2. If the period varies, as on phones in changing light, the intervals
-    are independent and the stamps drift away from a line. The stamps are then used unchanged.
+    of the time stamps are independent. The variance of an interval between two time stamps is then
+    twice the variance of a time stamp, and successive intervals have a correlation of -1/2. If the
+    period varies, as on phones in changing light, the intervals are independent, and the time
+    stamps drift away from a line over the frame number. The time stamps are then used unchanged.
     """
 
     def __init__(self) -> None:
@@ -38,7 +39,7 @@ class CaptureTimes:
         self._last_s = None
 
     def update(self, timestamp: float) -> float:
-        """Time of capture of the next frame, s. The times increase if the stamps increase."""
+        """Capture time of the next frame, s. Capture times increase if time stamps increase."""
         self._stamps.append(timestamp)
         seconds = self._on_line(np.array(self._stamps))
         if self._last_s is not None and seconds <= self._last_s:
@@ -48,7 +49,7 @@ class CaptureTimes:
 
     @staticmethod
     def _on_line(stamps: np.ndarray) -> float:
-        """Time of the last stamp on the line through all stamps, if their period is constant."""
+        """The last time stamp, moved onto the line through all stamps if the period is constant."""
         last, intervals = float(stamps[-1]), np.diff(stamps)
         period = float(np.median(intervals)) if len(intervals) > 1 else 0.0
         if not period > 0.0:

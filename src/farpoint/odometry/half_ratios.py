@@ -1,4 +1,4 @@
-"""Mean split-half ratio over a video: squared differences of halves over their covariances."""
+"""Mean split-half ratio over a video (`PoseStats.half_ratio`)."""
 
 from __future__ import annotations
 
@@ -25,9 +25,10 @@ class HalfRatios:
     Attributes
     ----------
     mean : float
-        Squared differences of halves over their expectation by the covariances.
+        Mean split-half ratio.
     pairs : int
-        Number of pairs in the mean, up to `MAX_RATIO_PAIRS`, with the weight of ``expected``.
+        Number of pairs in the mean, at most `MAX_RATIO_PAIRS`. The initial ratio counts as the
+        number of pairs that was given for it.
     """
 
     def __init__(self, expected: float, pairs: int = FIRST_RATIO_PAIRS) -> None:

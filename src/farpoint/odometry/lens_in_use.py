@@ -20,17 +20,17 @@ class LensInUse:
     """The camera of two-view estimates: the given camera, until the path's estimate differs
     significantly.
 
-    Smaller differences are noise, and each change recomputes tables of the lens. After a change, or
-    if the given camera is uncertain, the lens covariance is that of the path's estimate plus the
-    squared difference between both lenses. An unknown shutter counts as global until the estimated
-    read-out time exceeds 3 sigma.
+    An insignificant difference is noise, and each change of the lens recomputes tables. After a
+    change, or if the given camera is uncertain, the lens covariance is the covariance of the path's
+    estimate plus the squared difference between the lens in use and the path's estimate. An unknown
+    shutter counts as global until the estimated read-out time exceeds 3 sigma.
 
     Parameters
     ----------
     camera : Camera
         The given camera.
     options : LensRefinementOptions
-        Its read-out time, if any, replaces that of the camera.
+        The read-out time of the options, if given, replaces the read-out time of the camera.
     """
 
     def __init__(self, camera: Camera, options: LensRefinementOptions) -> None:
@@ -42,7 +42,7 @@ class LensInUse:
         self._solution: np.ndarray | None = None  # of the last update
 
     def update(self, lens: LensEstimate | None) -> None:
-        """Adopt the path's estimate where it differs significantly."""
+        """Adopt the path's estimate of lens and shutter if the difference is significant."""
         if lens is None or lens.covariance is self._solution:
             return
         self._solution = lens.covariance
@@ -59,13 +59,13 @@ class LensInUse:
             self.camera = self.camera.with_readout(lens.readout_s, sigma_s)
 
     def interval_s(self, seconds: float) -> float | None:
-        """Time between two views, at least the read-out time; None if unknown."""
+        """Time between two views, s, or the read-out time if that is longer; None if unknown."""
         if seconds <= 0.0 or self.camera.readout_s is None:
             return None
         return max(seconds, self.camera.readout_s)
 
 
 def _is_significant(moved: np.ndarray, covariance: np.ndarray) -> bool:
-    """Whether a change (r,) is larger than its covariance explains."""
+    """Whether a change (r,) is larger than the ``covariance`` explains."""
     distance2 = float(moved @ np.linalg.solve(covariance, moved))
     return distance2 > float(scipy.special.chdtri(len(moved), LENS_CHANGE_FALSE_ALARM))

@@ -1,4 +1,4 @@
-"""The region of the frames in which points are tracked: the field of the lens inside the mask."""
+"""The image region in which points are tracked: pixels inside the mask and the lens' field."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["checked_mask", "tracked_region"]
 
 
 def checked_mask(mask: np.ndarray, size: tuple[int, int] | None) -> np.ndarray:
-    """Copy of the mask as bool (H, W); an InputError if it is invalid or not of the given size.
+    """Copy of the mask as bool (H, W). An invalid mask or one of another size is an InputError.
 
     In a mask of uint8, 128 and above is True.
     """
@@ -33,12 +33,14 @@ def checked_mask(mask: np.ndarray, size: tuple[int, int] | None) -> np.ndarray:
 def tracked_region(
     camera: Camera, mask: np.ndarray | None, options: TrackerOptions
 ) -> np.ndarray | None:
-    """Region (H, W), bool, in which tracks may lie, for a camera of known size; None: everywhere.
+    """Region (H, W), bool, in which tracks may lie; None if they may lie everywhere.
+
+    The camera has a known image size.
 
     Raises
     ------
     InputError
-        If the mask does not have the size of the camera, or no window fits into it.
+        If the size of the mask differs from the camera's, or if no window fits into the mask.
     """
     assert camera.size is not None
     region = trackable_region(camera, options)

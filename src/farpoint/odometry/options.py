@@ -13,19 +13,20 @@ __all__ = ["OdometryOptions"]
 
 @dataclass(frozen=True, kw_only=True)
 class OdometryOptions:
-    """Options of `Odometry`, one record for each stage.
+    """Options of `Odometry`, grouped by stage.
 
     Attributes
     ----------
     tracker : TrackerOptions
         Detection and tracking of points.
     pose : RelativePoseOptions
-        The two-view estimate. By default `shared_error_px` is 0.002, the common error of the
-        tracker's windows on rendered streets; `half_splits` is 8; and `sharing_beyond_patches` is
-        6.5, the most likely slope for the errors of compressed streets. `expected_half_ratio` is
-        the ratio of the first pair; later pairs use the mean of the earlier pairs.
+        Options of the two-view estimate. By default `shared_error_px` is 0.002, the common error of
+        tracks on rendered street scenes. `half_splits` is 8. `sharing_beyond_patches` is 6.5, the
+        most likely slope for compressed video of street scenes. `expected_half_ratio` is used for
+        the first pair of frames. For each later pair it is replaced by the mean ratio of the
+        earlier pairs.
     path : PathOptions
-        The window over keyframes, which keeps one scale.
+        Options of the window over keyframes, which keeps one scale.
     lens : LensRefinementOptions
         Prior uncertainty of lens and shutter.
     seed : int

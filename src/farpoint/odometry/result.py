@@ -26,23 +26,25 @@ class OdometryResult:
     pose : RelativePose or None
         Motion from ``frame0`` to ``frame1``; None on the first frame.
     tracks : Tracks
-        The matches behind the pose, aligned with ``pose.labels``.
+        The matches from which the pose was estimated, in the order of ``pose.labels``.
     world_from_cam : ndarray, shape (4, 4)
-        Camera axes to world; the first frame is the world.
+        Pose of the camera: transformation from camera axes to the world. The axes of the first
+        frame are the world axes.
     scale, scale_sigma : float or None
-        Length of the translation of this pair and its 1-sigma, in the unit of the trajectory (the
-        first motion of the segment); None without a translation.
+        Length of the translation from ``frame0`` to ``frame1`` and its 1-sigma, in the unit of the
+        trajectory (the length of the first motion of the segment). None without a translation.
     world_covariance : ndarray, shape (7, 7), or None
-        Covariance of ``[dtheta (3), dposition (3), dlog_scale]`` since the beginning of the
-        segment, in world axes, rad and units of the trajectory. ``world_from_cam`` has the errors
-        ``R_true = Exp(dtheta) @ R`` and ``p_true = p + dposition``; all later motions share the
-        error ``dlog_scale`` of the scale.
+        Covariance of the errors ``[dtheta (3), dposition (3), dlog_scale]`` that have accumulated
+        since the beginning of the segment, in world axes, rad and units of the trajectory. The
+        rotation R and the position p of ``world_from_cam`` have the errors ``R_true = Exp(dtheta)
+        @ R`` and ``p_true = p + dposition``. ``dlog_scale`` is the error of the scale, common to
+        all later motions.
     segment : int
-        Number of the segment, from 0. It increases at each frame at which the scale or the whole
-        motion was lost (a cut); lengths within a segment have one scale.
+        Number of the segment, from 0. A new segment begins at each frame at which the scale or the
+        whole motion was lost, for example at a cut. Lengths within a segment have one scale.
     scale_is_guessed : bool
-        Whether ``scale`` follows from the last speed, because no point of known distance was in
-        view after a rotation on the spot. ``scale_sigma`` and all later covariances include the
+        Whether ``scale`` is extrapolated from the last speed, because no point of known distance
+        was in view after a pure rotation. ``scale_sigma`` and all later covariances include the
         uncertainty of the speed.
     """
 

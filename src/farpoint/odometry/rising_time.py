@@ -8,10 +8,10 @@ __all__ = ["RisingTime"]
 
 
 class RisingTime:
-    """Shifts time stamps after a decrease, so that they never decrease.
+    """Shifts time stamps that decrease, so that the shifted time stamps never decrease.
 
-    Concatenated recordings restart their time: frames after the decrease continue one frame
-    interval after the last one.
+    In concatenated recordings the time restarts with each recording. The first frame of a later
+    recording is placed one frame interval after the last frame of the recording before.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class RisingTime:
         self._last_s: float | None = None
 
     def update(self, timestamp: float) -> tuple[float, bool]:
-        """The monotonic time stamp, s, and whether time has decreased before it."""
+        """The shifted time stamp, s, and whether time decreased just before this frame."""
         seconds, last_s = timestamp + self._shift_s, self._last_s
         fell = last_s is not None and seconds < last_s
         if last_s is not None and fell:

@@ -44,7 +44,7 @@ __all__ = ["Odometry"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Reference:
-    """The frame to which the next frame is compared, and its motion."""
+    """The reference frame, to which the next frame is compared, and the last motion."""
 
     index: int
     timestamp: float
@@ -66,27 +66,28 @@ class Odometry:
     """Motion of a calibrated camera from frame to frame.
 
     Each frame is compared with the last usable frame. A sliding window estimates the poses of the
-    last keyframes together with the distances of points, the lens and the shutter; two-view motions
-    use that lens. An unusable frame (not decoded, of another size, without texture) gives a FAILED
-    result and is skipped. If the matches of a textured frame have no consensus, as at a cut, a new
-    segment of the trajectory begins at that frame. Each segment has one scale.
+    last keyframes together with the distances of points, the lens and the shutter. Two-view motions
+    use the lens of the window. A frame is unusable if it cannot be decoded, has another size or has
+    no texture: its result is FAILED, and the frame is skipped. If the matches of a textured frame
+    have no consensus, as at a cut, a new segment of the trajectory begins at that frame. Each
+    segment has one scale.
 
     Parameters
     ----------
     camera : Camera
-        Without a size, the first frame fixes it.
+        Camera of all frames. If the camera has no image size, the first frame sets the size.
     options : OdometryOptions, optional
-        One record for each stage.
+        Options of each stage.
     mask : ndarray of bool or uint8, shape (H, W), optional
-        Mask of the size of the frames: True, or white (128 and above), where the image is used;
-        False, or black, on objects that move with the camera, such as a bonnet, a mount, or a logo
-        in the picture. A track neither begins nor continues where its window (15 px wide by
-        default) reaches into the black part.
+        Mask of the size of the frames. True, or white (128 and above), marks pixels that are used.
+        False, or black, marks objects that move with the camera, such as a bonnet, a mount, or a
+        logo in the picture. A track neither begins nor continues at a pixel whose window (15 px
+        wide by default) contains black pixels of the mask.
 
     Attributes
     ----------
     camera : Camera
-        The given camera with the size of the frames, once there was one.
+        The given camera, with the size of the frames as soon as the first image is processed.
     seconds : dict
         Time spent so far in ``"tracks"``, ``"pose"`` and ``"path"``.
 
@@ -143,8 +144,8 @@ class Odometry:
     def final_poses(self) -> list[FinalPose]:
         """Poses that have left the window since the last call, in the order of their frames.
 
-        These poses do not change any further. In contrast, `OdometryResult.world_from_cam` is the
-        estimate at the time of its frame.
+        Poses outside the window do not change any further. In contrast,
+        `OdometryResult.world_from_cam` is the estimate made when the frame was processed.
         """
         return self._stamped(self._path.final_poses())
 
@@ -165,43 +166,44 @@ class Odometry:
         Parameters
         ----------
         frame0, frame1 : int
-            Indices of their frames.
+            Frame indices of the two keyframes.
 
         Returns
         -------
         (ndarray, ndarray) or None
             ``cam1_from_cam0`` (4, 4), and the covariance (6, 6) of ``[dtheta, dt]`` in camera 1:
-            ``R_true = Exp(dtheta) R``, ``t_true = t + dt``, rad and units of the path. None where
-            one of them is no keyframe of the window.
+            ``R_true = Exp(dtheta) R``, ``t_true = t + dt``, rad and units of the path. None if one
+            of the two frames is not a keyframe of the window.
         """
         return self._path.relative_pose(frame0, frame1)
 
     def run(self, frames: Iterable[Frame]) -> Iterator[OdometryResult]:
-        """Results of frames, one for each, as they come."""
+        """Yield the result of each frame as soon as the frame is processed."""
         for frame in frames:
             yield self.process(frame.image, frame.timestamp, fault=frame.fault)
 
     def process(
         self, image: np.ndarray | None, timestamp: float, *, fault: str | None = None
     ) -> OdometryResult:
-        """Compare one image with the one before.
+        """Estimate the motion from the last usable frame to this image.
 
         Parameters
         ----------
         image : ndarray of uint8, shape (H, W), or None
-            Grey values; None for a frame that could not be decoded. Of interlaced images, which
-            are recognised, the even lines count.
+            Grey values; None for a frame that could not be decoded. Interlaced images are
+            recognised, and only their even lines are used.
         timestamp : float
-            Seconds. A time stamp before the previous one begins a new segment; it and all later
-            time stamps are then shifted, so that the time stamps of results never decrease.
+            Time stamp, s. If the time stamp is before the previous time stamp, a new segment
+            begins. All time stamps from this frame on are then shifted, so that the time stamps of
+            results never decrease.
         fault : str, optional
             Why there is no image.
 
         Raises
         ------
         InputError
-            If the image is not of grey uint8 values, or the first image is not of the calibration's
-            size, or not of the mask's.
+            If the image does not have grey uint8 values, or if the size of the first image differs
+            from the size of the calibration or of the mask.
         """
         index, self._next_index = self._next_index, self._next_index + 1
         timestamp, fell = self._time.update(timestamp)
@@ -238,16 +240,18 @@ class Odometry:
     def split_half(self, result: OdometryResult, *, cell_px: float | None = None) -> SplitHalf:
         """Estimate the motion of a pair from two halves of its tracks, and compare the two motions.
 
-        Over many pairs, `farpoint.metrics.evaluate_halves` tests the covariances without
-        truth.
+        From the differences of many pairs, `farpoint.metrics.evaluate_halves` tests the covariances
+        without ground truth.
 
         Parameters
         ----------
         result : OdometryResult
-            Result of this odometry; its frame is part of the seed of the split.
+            Result of this odometry. The frame index of the result is part of the random seed of the
+            split.
         cell_px : float, optional
-            Split whole image cells of this width, px, so that errors with a longer correlation do
-            not cancel; by default patches of 3 to 6 tracks, whose windows overlap.
+            Width of square image cells, px. All tracks of a cell go to the same half, so that
+            errors that are correlated within a cell do not cancel in the difference. Default:
+            patches of 3 to 6 neighbouring tracks, whose windows overlap, take the place of cells.
         """
         tracks = result.tracks
         # Errors of lens and shutter, and errors common to all tracks, cancel in the difference.
@@ -327,7 +331,7 @@ class Odometry:
     def _without_perspective(
         self, tracks: Tracks, seconds: float, reference: _Reference
     ) -> tuple[Tracks, Searched | None]:
-        """Tracks corrected for perspective by the motion that a search finds, and this motion."""
+        """The tracks corrected for perspective by the motion of a search, and this motion."""
         options = self.options.pose
         if not options.refine:
             return tracks, None
@@ -375,7 +379,7 @@ class Odometry:
         return Views(points0, points1, camera, camera, half_px2, half_px2, None, interval_s)
 
     def _prediction(self, reference: _Reference) -> Callable[[np.ndarray], np.ndarray] | None:
-        """Predicted tracks of the reference if the last motion repeats."""
+        """Prediction of the reference's tracks in the next frame, if the last motion repeats."""
         motion = reference.motion
         if motion is None:
             return None

@@ -1,3 +1,4 @@
-"""The path of the camera on one scale: a sliding window over keyframes that also estimates the
-lens.
+"""The path of the camera on one scale, from a sliding window over keyframes.
+
+The window also estimates lens and shutter.
 """

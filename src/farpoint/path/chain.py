@@ -15,11 +15,12 @@ def chain(world_from_cam0: np.ndarray, pose: RelativePose, scale: float | None) 
     Parameters
     ----------
     world_from_cam0 : ndarray, shape (4, 4)
-        Rigid motion.
+        Pose of camera 0.
     pose : RelativePose
-        Unobservable parts are taken as zero: FAILED leaves the camera pose unchanged.
+        Motion from camera 0 to camera 1. Unobservable parts of the motion are taken as zero, so
+        status FAILED leaves the camera pose unchanged.
     scale : float or None
-        Length of the translation in units of the world; None: no translation.
+        Length of the translation in units of the world; None for no translation.
     """
     if pose.rotation_cam1_from_cam0 is None:
         return world_from_cam0
@@ -34,7 +35,7 @@ def chain(world_from_cam0: np.ndarray, pose: RelativePose, scale: float | None) 
 
 
 def parts_of(motion: RelativePose) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rotation (3, 3), direction (3,) and its tangent basis (3, 2) of a motion of status OK."""
+    """Rotation (3, 3), direction (3,) and tangent basis (3, 2) of a motion with status OK."""
     R, t = motion.rotation_cam1_from_cam0, motion.direction_cam1_from_cam0
     basis = motion.direction_basis
     assert R is not None

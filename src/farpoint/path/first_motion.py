@@ -1,6 +1,4 @@
-"""Whether a path began with the right mode of its first motion, tested by two views with larger
-flow.
-"""
+"""Test of the first motion of a path by two views with larger flow."""
 
 from __future__ import annotations
 
@@ -22,7 +20,7 @@ __all__ = ["WindowView", "contradicting_motion"]
 
 
 class WindowView(NamedTuple):
-    """A frame with its tracks, pose ``world_from_cam`` and velocity, as of `Keyframe`."""
+    """A frame with tracks, pose ``world_from_cam`` and velocity; see `Keyframe`."""
 
     frame: int
     timestamp: float
@@ -41,21 +39,22 @@ def contradicting_motion(
 ) -> Window | None:
     """Window of two views for a motion that contradicts the path; None without a contradiction.
 
-    Short flow may have two modes of the motion, and the path may have started from the wrong one.
-    Two motions between the views are optimised with lens and shutter free: the motion of the path,
-    and the new one with the same length. The new motion contradicts the path if it differs
-    significantly and its log likelihood is at least that of the path minus 2.
+    With short flow, two different motions may explain the matches, and the path may have started
+    from the wrong motion. Two motions between the views are optimised together with lens and
+    shutter: the motion of the path, and the two-view ``motion`` with the same length. The two-view
+    motion contradicts the path under two conditions: it differs significantly from the motion of
+    the path, and its log likelihood is at most 2 below that of the path.
 
     Parameters
     ----------
     first, now : WindowView
         The first keyframe, and a later frame with larger flow.
     motion : RelativePose
-        The motion between them, by two views alone.
+        Motion between the two frames, from a two-view estimate.
     new_window : callable
-        Makes a window with the prior of lens and shutter.
+        Returns an empty window with the prior of lens and shutter.
     most : int
-        Largest number of tracks.
+        Largest number of tracks in the window.
     """
     length = float(np.linalg.norm(now.p - first.p))
     if length == 0.0 or motion.status is not PoseStatus.OK:
@@ -82,7 +81,10 @@ def _optimised(first: WindowView, now: WindowView, window: Window, most: int) ->
 
 
 def _is_consistent(views: Window, now: WindowView) -> bool:
-    """Whether a motion of fixed length is consistent with the path's pose (chi-square test)."""
+    """Whether the motion of a two-view window is consistent with the path (chi-square test).
+
+    The length of the motion is fixed.
+    """
     motion, covariance = views.relative_pose(0, 1)
     first, length = views.frames[0], float(np.linalg.norm(motion[:3, 3]))
     turn = so3.log(now.R.T @ first.R @ motion[:3, :3].T)

@@ -13,15 +13,15 @@ __all__ = ["TrackHistory", "TrackObservations"]
 
 
 class TrackObservations(NamedTuple):
-    """Tracks observed in a frame, one row each, ids ascending.
+    """Tracks observed in a frame, one row for each track, in ascending order of ids.
 
     Attributes
     ----------
     ids : ndarray of int64, shape (N,)
     pixels : ndarray, shape (N, 2)
-        Positions: sums of all displacements.
+        Positions: first position plus the sum of all displacements.
     last, accumulated : ndarray, shape (N, 3)
-        Covariances (uu, uv, vv), px^2: of the last match, and summed over all matches.
+        Covariance (uu, uv, vv), px^2, of the last match, and sum of the covariances of all matches.
     """
 
     ids: np.ndarray
@@ -34,7 +34,7 @@ class TrackObservations(NamedTuple):
         return TrackObservations(*(column[which] for column in self))
 
     def rows_of(self, ids: np.ndarray) -> np.ndarray:
-        """Rows (M,) of tracks by id, -1 where absent."""
+        """Rows (M,) of the tracks with the given ids; -1 if there is no such track."""
         if not len(self.ids):
             return np.full(len(ids), -1)
         at = np.searchsorted(self.ids, ids).clip(0, len(self.ids) - 1)
@@ -44,13 +44,14 @@ class TrackObservations(NamedTuple):
 class TrackHistory:
     """Accumulates the displacements of tracks.
 
-    Displacements are summed, because a match starts at the tracker's window, which may differ from
-    the corrected end of the previous match (`farpoint.path.perspective`).
+    Displacements are summed, because a match starts at the position of the tracker's window. This
+    position may differ from the end of the previous match, which was corrected for perspective
+    (`farpoint.path.perspective`).
 
     Attributes
     ----------
     order : ndarray of int64, shape (N,)
-        Rows of the last pair's tracks, sorted by id.
+        Rows of the tracks in the last pair of frames, sorted by id.
     """
 
     def __init__(self) -> None:
@@ -65,7 +66,7 @@ class TrackHistory:
         return self._now
 
     def update(self, tracks: Tracks) -> tuple[TrackObservations, TrackObservations]:
-        """Add a pair: the tracks in its first frame and in its second frame."""
+        """Add the matches of a pair; return the tracks in the first and in the second frame."""
         order = self.order = np.argsort(tracks.ids)
         ids, points0 = tracks.ids[order], tracks.points0[order]
         covariance = packed(tracks.covariance_px2[order])

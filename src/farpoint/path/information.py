@@ -20,7 +20,7 @@ class System(NamedTuple):
 
 
 def solution(system: System, damping: float) -> np.ndarray:
-    """Levenberg-Marquardt step (D,) with relative damping; zero where the system is singular."""
+    """Levenberg-Marquardt step (D,) with relative damping; zero if the system is singular."""
     unit, factor = np.empty(len(system.g)), np.empty_like(system.H)
     step = np.zeros(len(system.g))
     if factorise(system.H, damping, unit, factor):
@@ -29,9 +29,10 @@ def solution(system: System, damping: float) -> np.ndarray:
 
 
 def inverse(H: np.ndarray) -> np.ndarray:
-    """Covariance: inverse of an information matrix, diagonally scaled.
+    """Covariance: inverse of an information matrix.
 
-    Directions without information, or with negative information by rounding, have a large variance.
+    The matrix is scaled to a unit diagonal before the inversion. A direction without information,
+    or with negative information due to rounding, has a large variance.
     """
     unit, factor, found = np.empty(len(H)), np.empty_like(H), np.empty_like(H)
     if factorise(H, ROUNDING, unit, factor):

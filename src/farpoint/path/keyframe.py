@@ -1,4 +1,4 @@
-"""A keyframe: a pose optimised in the window."""
+"""A keyframe: a frame whose pose is optimised in the window."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Keyframe:
     frame : int
         Index of the frame.
     timestamp : float
-        Seconds.
+        Time stamp of the frame, s.
     R : ndarray, shape (3, 3)
         Rotation ``world_from_cam``.
     p : ndarray, shape (3,)

@@ -24,34 +24,38 @@ def packed(covariances: np.ndarray) -> np.ndarray:
 
 
 class Landmarks:
-    """Landmarks in anchored inverse depth: the inverse distance along the ray of the first
-    observation.
+    """Landmarks, each given by an anchor and an inverse distance.
+
+    The anchor is an observation of the landmark, at first the first observation. The inverse
+    distance is measured along the ray of the anchor. There are M landmarks and N observations.
 
     Attributes
     ----------
     ids : ndarray of int64, shape (M,)
-        Tracks, ascending.
+        Track id of each landmark, ascending.
     anchor : ndarray of int64, shape (M,)
-        Observation that anchors the point.
+        Index of the observation that is the anchor.
     rays, ray_by_lens : ndarray, shapes (M, 3), (M, 3, r)
-        Ray of the anchor, and its derivatives by the lens.
+        Ray of the anchor, and derivatives of the ray by the lens.
     s, s_variance : ndarray, shape (M,)
-        Inverse distance from the anchor, and its variance given all other unknowns.
+        Inverse distance from the anchor, and variance of the inverse distance given all other
+        unknowns.
     s_by_state : ndarray, shape (M, D)
-        Derivatives of the estimated inverse distance by the unknowns of the last solution: poses, 6
-        each, lens and read-out time. Zero for points that it did not have.
+        Derivatives of the estimated inverse distance by the unknowns of the last solution: 6 for
+        each pose, lens and read-out time. Zero for points that were not part of the last solution.
     has_depth, is_reliable : ndarray of bool, shape (M,)
-        Whether the point has two observations; and whether the error of its inverse distance is
-        small against the distance, or against the median inverse distance.
+        Whether the point has two observations, and whether the error of the inverse distance is
+        small relative to the inverse distance or to the median inverse distance of all points.
     point, slot : ndarray of int64, shape (N,)
-        Row of the point and slot of the keyframe of each observation; slots ascend.
+        For each observation, row of the point and slot of the observing keyframe. Slots ascend.
     pixels : ndarray, shape (N, 2)
         Observed pixels.
     last, accumulated : ndarray, shape (N, 3)
-        Covariances (uu, uv, vv), px^2: of the last match, and summed over the track.
+        Covariance (uu, uv, vv), px^2, of the last match, and sum of the covariances along the
+        track.
     residuals, by_s : ndarray, shape (N, 2)
-        Expected minus observed pixel, px, and its derivative by the inverse distance, at the last
-        solution.
+        Expected minus observed pixel, px, and derivative of this residual by the inverse distance,
+        at the last solution.
     by_pose, by_common : ndarray, shapes (N, 2, 6), (N, 2, r + 1)
         Derivatives of the residuals by the pose of the observing keyframe, and by lens and read-out
         time.
@@ -69,20 +73,18 @@ class Landmarks:
         self.by_pose, self.by_common = np.empty((0, 2, 6)), np.empty((0, 2, lens.size + 1))
 
     def rows_of(self, ids: np.ndarray) -> np.ndarray:
-        """Rows (N,) of the points of tracks, -1 where absent."""
+        """Rows (N,) of the points of tracks with the given ids; -1 if a track has no point."""
         if not len(self.ids):
             return np.full(len(ids), -1)
         at = np.searchsorted(self.ids, ids).clip(0, len(self.ids) - 1)
         return np.where(self.ids[at] == ids, at, -1)
 
     def observations_of(self, slot: int) -> np.ndarray:
-        """Observations of a keyframe."""
+        """Indices of the observations of a keyframe."""
         return np.flatnonzero(self.slot == slot)
 
     def tracks_of(self, slot: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Ids (ascending), pixels and covariances of a keyframe's observations, in the format of
-        `observe`.
-        """
+        """Ids (ascending), pixels and covariances of a keyframe's observations; see `observe`."""
         rows = self.observations_of(slot)
         rows = rows[np.argsort(self.point[rows])]
         return (
@@ -93,7 +95,7 @@ class Landmarks:
         )
 
     def latest(self) -> np.ndarray:
-        """The last observation (M,) of each point."""
+        """Index of the last observation of each point, shape (M,)."""
         found = np.zeros(len(self.ids), np.int64)
         found[self.point] = np.arange(len(self.point))
         return found
@@ -106,7 +108,7 @@ class Landmarks:
         last: np.ndarray,
         accumulated: np.ndarray,
     ) -> None:
-        """Add the observations of the newest keyframe; an unknown track starts a new point."""
+        """Add the observations of the newest keyframe. A track without a point starts a point."""
         rows = self.rows_of(ids)
         fresh = np.flatnonzero(rows < 0)
         rays, by_lens, seen = self.rays_at(pixels[fresh])
@@ -145,9 +147,7 @@ class Landmarks:
         self.point = row_of[self.point]
 
     def rays_at(self, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Rays of pixels (N, 2), their derivatives by the lens, and whether ray and derivatives are
-        finite.
-        """
+        """Rays of pixels (N, 2), derivatives by the lens, and whether rays and these are finite."""
         rays, by_lens = self._lens.rays_of(pixels)
         seen = np.isfinite(rays).all(axis=1) & np.isfinite(by_lens).all(axis=(1, 2))
         return rays, by_lens, np.asarray(seen)
@@ -166,21 +166,19 @@ class Landmarks:
                 setattr(self, name, getattr(self, name)[indices])
 
     def next_anchors(self, rows: np.ndarray, slot: int) -> np.ndarray:
-        """First observation of points (N,) by a keyframe other than ``slot``; -1: none."""
+        """First observation of points (N,) by a keyframe other than ``slot``; -1 if none."""
         first = np.full(len(self.ids), -1)
         others = np.flatnonzero(self.slot != slot)[::-1]
         first[self.point[others]] = others  # reversed: the first observation is written last
         return first[rows]
 
     def remove(self, points: np.ndarray, slot: int) -> None:
-        """Remove the points selected by a mask (M,), and a keyframe's observations and slot."""
+        """Remove points selected by a mask (M,), and the observations and slot of a keyframe."""
         self.keep(~points, self.slot != slot)
         self.slot -= self.slot > slot
 
     def update_rays(self) -> None:
-        """Recompute all rays with the current lens; points outside the field of the lens are
-        removed.
-        """
+        """Recompute all rays with the current lens, and remove points outside the lens' field."""
         self.rays, self.ray_by_lens, seen = self.rays_at(self.pixels[self.anchor])
         if not seen.all():
             self.keep(seen)

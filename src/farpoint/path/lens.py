@@ -1,4 +1,4 @@
-"""Estimates of lens and shutter, and their linearisation point."""
+"""Estimates of lens and shutter along the path, and the linearisation point of the lens."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ class LensReport:
     given : Camera
         The given camera.
     sigma : dict of str to float
-        1-sigma of each of the model's parameters, in its units.
+        1-sigma of each parameter of the camera model, in the unit of the parameter.
     readout_s, readout_sigma_s : float
-        Read-out time of a frame, first row to last, and its 1-sigma, s.
+        Read-out time of a frame, first row to last, and 1-sigma of the read-out time, s.
     moved_px : float
         Largest displacement of a pixel between the given and the estimated lens, px.
     refined : bool
@@ -52,7 +52,7 @@ class LensReport:
 
 
 def given_lens(camera: Camera) -> LensReport:
-    """Report of a camera without estimation."""
+    """Report of a camera whose lens and shutter are not estimated."""
     return LensReport(
         camera=camera,
         given=camera,
@@ -65,8 +65,8 @@ def given_lens(camera: Camera) -> LensReport:
 
 
 def with_prior(camera: Camera, options: LensRefinementOptions) -> Camera:
-    """The camera with sigmas of its calibration, or with those of the options if the calibration
-    has none.
+    """The camera with the sigmas of its calibration, or with the sigmas of the options if the
+    calibration has none; without uncertainty if the lens is not refined.
     """
     if not options.refine:
         return camera.with_uncertainty()
@@ -80,7 +80,9 @@ def with_prior(camera: Camera, options: LensRefinementOptions) -> Camera:
 
 
 class LensEstimate:
-    """Lens parameters ``given + factor @ z`` with the prior ``z ~ N(0, I)``, and read-out time.
+    """Estimated lens parameters and read-out time.
+
+    The lens parameters are ``given + factor @ z`` with the prior ``z ~ N(0, I)``.
 
     Parameters
     ----------
@@ -93,7 +95,7 @@ class LensEstimate:
     Attributes
     ----------
     z : ndarray, shape (r,)
-        Change of the lens, in prior sigmas along independent directions.
+        Change of the lens parameters along r independent directions, in prior sigmas.
     readout_s : float
         Read-out time.
     """
@@ -112,17 +114,17 @@ class LensEstimate:
 
     @property
     def size(self) -> int:
-        """Number of free directions of the lens."""
+        """Number r of independent directions in which the lens parameters can change."""
         return len(self.z)
 
     @property
     def common(self) -> np.ndarray:
-        """All common unknowns (r + 1,): ``z`` and the read-out time."""
+        """The unknowns (r + 1,) that all frames share: ``z`` and the read-out time."""
         return np.append(self.z, self.readout_s)
 
     @property
     def change(self) -> np.ndarray:
-        """Change (r,) from the linearisation point."""
+        """Change (r,) of ``z`` from the linearisation point."""
         return self.z - self._linear_z
 
     def moved_px(self, z: np.ndarray) -> float:
@@ -141,19 +143,20 @@ class LensEstimate:
         return float(np.sqrt(self.covariance[-1, -1]))
 
     def step(self, change: np.ndarray) -> None:
-        """Change lens and read-out time. The lens changes by at most 10 px, because it is
-        linearised.
+        """Add a change (r + 1,) to ``z`` and the read-out time.
+
+        The change of the lens is limited to 10 px, because the lens model is linearised.
         """
         lens = change[:-1]
         share = min(1.0, 5.0 * STALE_LENS_PX / max(self.moved_px(lens), 1e-12))
         self.z, self.readout_s = self.z + share * lens, self.readout_s + float(change[-1])
 
     def is_stale(self) -> bool:
-        """Whether the lens is more than 2 px from its linearisation point."""
+        """Whether a pixel moved by more than 2 px since the linearisation of the lens."""
         return self.moved_px(self.change) > STALE_LENS_PX
 
     def relinearise(self) -> None:
-        """Move the linearisation point to the current lens; an invalid lens is reset."""
+        """Linearise at the current lens. An invalid lens is reset to the linearisation point."""
         try:
             self._model = self._refinable.with_parameters(self.parameters())
         except InputError:
@@ -166,7 +169,7 @@ class LensEstimate:
         return np.array(list(self._refinable.parameters.values())) + self.factor @ self.z
 
     def rays_of(self, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Unit rays (N, 3) of pixels, and their derivatives (N, 3, r) by the lens."""
+        """Unit rays (N, 3) of pixels, and the derivatives (N, 3, r) of the rays by ``z``."""
         rays = self._model.unproject(pixels)
         if not self.size:
             return rays, np.zeros((len(pixels), 3, 0))
@@ -174,11 +177,11 @@ class LensEstimate:
         return rays, -products(self._model.unproject_jacobian(rays), by_lens)
 
     def pixels_of(self, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Pixels (N, 2) of rays, derivatives by the rays (N, 2, 3) and by the lens (N, 2, r).
+        """Pixels (N, 2) of rays, derivatives by the rays (N, 2, 3) and by ``z`` (N, 2, r).
 
-        A pixel outside the image by more than the image's width or height is NaN. So far from the
-        calibrated pixels the lens is not linear in its parameters, and at 90 degrees from the axis
-        the derivatives of a pinhole are infinite.
+        A pixel farther outside the image than the image's width or height is NaN. At such pixels
+        the projection is not linear in the lens parameters, and the derivatives of a pinhole are
+        infinite at 90 degrees from the optical axis.
         """
         assert self.given.size is not None
         pixels, by_ray = self._model.project(rays), self._model.project_jacobian(rays)
@@ -193,7 +196,7 @@ class LensEstimate:
         return pixels, by_ray, self._by_lens(rays)
 
     def _by_lens(self, rays: np.ndarray) -> np.ndarray:
-        """Derivatives (N, 2, r) of the pixels of rays."""
+        """Derivatives (N, 2, r) by ``z`` of the pixels of rays."""
         by_parameters = self._model.project_parameter_jacobian(rays)
         found = np.empty((len(rays), 2, self.size))
         by_sigmas(np.ascontiguousarray(by_parameters), self.factor, found)
@@ -225,7 +228,7 @@ class LensEstimate:
         )
 
     def _reach_px(self) -> np.ndarray:
-        """Displacements (N, 2, r) of a grid of pixels by 1 sigma of each direction."""
+        """Displacements (N, 2, r) of a grid of pixels when each element of ``z`` changes by 1."""
         assert self.given.size is not None
         width, height = self.given.size
         u, v = np.meshgrid(
@@ -242,7 +245,7 @@ class LensEstimate:
 def _shutter(
     camera: Camera, options: LensRefinementOptions, interval_s: float
 ) -> tuple[float, float]:
-    """Prior read-out time and its 1-sigma, s."""
+    """Prior of the read-out time: mean and 1-sigma, s."""
     if options.readout_ms is not None:
         return 1e-3 * options.readout_ms, EXACT_READOUT_SIGMA_S
     if camera.readout_s is not None:

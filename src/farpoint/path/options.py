@@ -19,14 +19,16 @@ class PathOptions:
     keyframes : int
         Number of keyframes in the window.
     keyframe_flow_px : float
-        Median flow since the last keyframe that makes a keyframe, px.
+        Median flow since the last keyframe, px, above which a frame becomes a keyframe.
     keyframe_share : float
-        Share of the last keyframe's tracks, 0 to 1, below which a frame becomes a keyframe.
+        Share of the last keyframe's tracks that are still followed, 0 to 1, below which a frame
+        becomes a keyframe.
     max_tracks : int
         Largest number of tracks of each keyframe in the window.
     speed_ratio_sigma : float
-        1-sigma of the log ratio of two speeds, before and after a pure rotation that leaves no
-        landmark in view: the ratio is taken as 1, and the scale error grows by this.
+        1-sigma of the logarithm of the ratio of two speeds: before and after a pure rotation that
+        leaves no landmark in view. The ratio is taken as 1, and this 1-sigma is added to the error
+        of the logarithmic scale.
     """
 
     keyframes: int = 12
@@ -44,12 +46,12 @@ class PathOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class LensRefinementOptions:
-    """Priors of lens and shutter; sigmas of the calibration take precedence.
+    """Prior uncertainty of lens and shutter. Sigmas in the calibration take precedence.
 
     Attributes
     ----------
     refine : bool
-        Estimate lens and shutter along the path; otherwise they are fixed.
+        Estimate lens and shutter along the path. False keeps lens and shutter as given.
     focal_sigma : float
         Relative 1-sigma of the focal length, for a calibration without sigmas.
     center_sigma_px : float
@@ -57,8 +59,8 @@ class LensRefinementOptions:
     distortion_sigma_px : float
         1-sigma of the displacement by distortion at the image corner, px.
     readout_ms : float or None
-        Read-out time of a frame, first row to last, ms; 0 for a global shutter. None: that of the
-        calibration, or estimated.
+        Read-out time of a frame, first row to last, ms; 0 for a global shutter. None takes the
+        read-out time of the calibration; without a calibrated read-out time, it is estimated.
     """
 
     refine: bool = True

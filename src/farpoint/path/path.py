@@ -46,9 +46,9 @@ class Pair:
     Attributes
     ----------
     frame0, frame1 : int
-        Indices of the keyframes.
+        Indices of the two frames.
     time0, time1 : float
-        Seconds.
+        Times of the two frames, s.
     """
 
     frame0: int
@@ -63,7 +63,7 @@ class Pair:
 
 
 class _Step(NamedTuple):
-    """A motion and its tracks in both frames; ``is_inlier`` marks the inliers."""
+    """A motion, and the tracks in both frames. ``is_inlier`` marks the inliers of the motion."""
 
     before: TrackObservations
     now: TrackObservations
@@ -80,19 +80,20 @@ class _Step(NamedTuple):
 class PathBuilder:
     """Chains motions of consecutive frames on one scale.
 
-    The first observable motion sets the unit. Later frames are located by resection from the
-    window's landmarks. A frame whose tracks have moved far, or are lost, becomes a keyframe, and
-    the window's keyframes, landmarks, lens and shutter are optimised jointly. Without landmarks in
-    view the scale is extrapolated from the last speed, with `PathOptions.speed_ratio_sigma` added
-    to its error.
+    The length of the first observable motion is the unit of the path. The poses of later frames
+    come from resection with the window's landmarks. If the tracks have moved far since the last
+    keyframe, or too many tracks are lost, the frame becomes a keyframe. The window's keyframes,
+    landmarks, lens and shutter are then optimised jointly. If no landmark is in view, the scale is
+    extrapolated from the last speed, and `PathOptions.speed_ratio_sigma` is added to the error of
+    the scale.
 
-    Cost and memory for a frame do not depend on the number of frames.
+    Time and memory for a frame do not depend on the number of earlier frames.
 
     Parameters
     ----------
     estimate : callable
-        Two-view motion from pixels (N, 2) in each frame, covariances (N, 2, 2) of the
-        displacements, px^2, and the seconds between the frames.
+        Function that estimates a two-view motion. The arguments are pixels (N, 2) in each frame,
+        covariances (N, 2, 2) of the displacements, px^2, and the time between the frames, s.
     options : PathOptions
         Options of the window.
     lens_options : LensRefinementOptions
@@ -133,7 +134,7 @@ class PathBuilder:
 
     @property
     def now(self) -> PathPoint:
-        """The last pose, without a motion."""
+        """The last pose, as a point of the path without a motion."""
         return PathPoint(
             world_from_cam=pose_matrix(self._R, self._p),
             covariance=self._covariance(),
@@ -150,7 +151,7 @@ class PathBuilder:
         return None if self._lens is None else self._lens.report()
 
     def break_off(self) -> PathPoint:
-        """Begin a new segment at the last pose, without a constraint between the two."""
+        """Begin a new segment at the last pose. Nothing constrains the motion between segments."""
         self._pending.freeze_all()
         self._segment += 1
         self._begin_segment()
@@ -161,14 +162,14 @@ class PathBuilder:
         self._add_pending(frame, timestamp)
 
     def relative_pose(self, frame0: int, frame1: int) -> tuple[np.ndarray, np.ndarray] | None:
-        """Motion between two keyframes and its covariance; None if one of them has left the window.
+        """Motion between two keyframes, with covariance; None if one of the two left the window.
 
         Returns
         -------
         cam1_from_cam0 : ndarray, shape (4, 4)
         covariance : ndarray, shape (6, 6)
             Covariance of ``[dtheta, dt]`` in camera 1: ``R_true = Exp(dtheta) R``, ``t_true = t +
-            dt``, rad and units of the path, including errors of lens and shutter.
+            dt``, rad and units of the path. Errors of lens and shutter are included.
         """
         if self._window is None:
             return None
@@ -178,7 +179,7 @@ class PathBuilder:
         return self._window.relative_pose(slots[frame0], slots[frame1])
 
     def add(self, camera: Camera, tracks: Tracks, motion: RelativePose, pair: Pair) -> PathPoint:
-        """Add a motion from the last frame to the next, of any status but FAILED.
+        """Add a motion from the last frame to the next. The status must not be FAILED.
 
         Parameters
         ----------
@@ -199,11 +200,11 @@ class PathBuilder:
         return self._track(window, step) if self._has_scale else self._initialise(window, step)
 
     def final_poses(self) -> list[FinalPose]:
-        """Final poses in the order of their frames, each returned once."""
+        """Poses that became final since the last call, in the order of their frames."""
         return self._pending.final_poses()
 
     def remaining(self) -> list[FinalPose]:
-        """All poses not yet returned, at their current values."""
+        """Current values of all poses that `final_poses` has not returned."""
         self._pending.freeze_all()
         return self._pending.final_poses()
 
@@ -222,7 +223,10 @@ class PathBuilder:
         return self._window
 
     def _initialise(self, window: Window, step: _Step) -> PathPoint:
-        """Add frames until the motion since the last keyframe is observable, of unit length."""
+        """Add a frame of a path whose scale is unknown.
+
+        As soon as the motion since the last keyframe is observable, its length sets the scale.
+        """
         motion, pair, now = step.motion, step.pair, step.now
         assert motion.rotation_cam1_from_cam0 is not None
         key, inliers = window.frames[-1], step.inliers
@@ -257,8 +261,9 @@ class PathBuilder:
         return self._point(pair, motion, None, last_p)
 
     def _since_keyframe(self, step: _Step, seconds: float) -> RelativePose | None:
-        """Two-view motion since the last keyframe; None if an estimate at about this flow found no
-        motion.
+        """Two-view motion since the last keyframe.
+
+        None if an earlier estimate found no motion, and the flow has hardly grown since then.
         """
         before, now = self._key_tracks, step.inliers
         assert before is not None
@@ -272,13 +277,13 @@ class PathBuilder:
         return self._since(before, now, seconds)
 
     def _unit(self, seconds: float) -> float:
-        """Length of a segment's first displacement: the unit, or last speed x time."""
+        """Length of a segment's first displacement: last speed times ``seconds``, or 1."""
         return 1.0 if self._speed is None or seconds <= 0.0 else self._speed * seconds
 
     def _since(
         self, before: TrackObservations, observed: TrackObservations, seconds: float
     ) -> RelativePose:
-        """Two-view motion since an earlier frame, from common tracks."""
+        """Two-view motion since an earlier frame, from tracks that both frames have."""
         rows = before.rows_of(observed.ids)
         both = observed.select(rows >= 0)
         uu, uv, vv = both.accumulated.T
@@ -288,9 +293,9 @@ class PathBuilder:
     def _restart(self, window: Window, step: _Step) -> np.ndarray:
         """Restart the window if two views with larger flow contradict its first motion.
 
-        The difference is spread evenly over the time between the two views. The length is kept, and
-        all keyframes are optimised again. The function returns the shift (3,) of the last frame's
-        position.
+        The difference between the poses of the later view is spread evenly over the time between
+        the two views. The distance between the views is kept, and all keyframes are optimised
+        again. The function returns the shift (3,) of the last frame's position.
         """
         assert self._first is not None
         (first, tracks), self._first, pair = self._first, None, step.pair
@@ -365,14 +370,14 @@ class PathBuilder:
         return point if rest is None else replace(point, rest=rest, scale=None, scale_sigma=None)
 
     def _carries_scale(self, window: Window, located: Located, seconds: float) -> bool:
-        """Whether landmarks determine the displacement better than the last speed does."""
+        """Whether landmarks determine the displacement better than the last speed."""
         lengths = [float(np.linalg.norm(frame.p - self._p)) for frame in window.frames]
         known = max(*lengths, (self._speed or 0.0) * seconds)
         sigma = float(np.sqrt(np.trace(located.covariance[3:, 3:]) / 3.0))
         return sigma < self._options.speed_ratio_sigma * known
 
     def _extrapolate_scale(self, window: Window, step: _Step) -> PathPoint:
-        """Start a new window at the last frame; its unit is extrapolated from the last speed."""
+        """Start a new window at the last frame, with a scale extrapolated from the last speed."""
         self._pending.freeze_all()
         self._base, self._base_p = self._covariance(), self._p
         self._base[6, 6] += self._options.speed_ratio_sigma**2
@@ -382,7 +387,7 @@ class PathBuilder:
         return replace(self._initialise(fresh, step), scale_is_guessed=True)
 
     def _dead_reckoned(self, motion: RelativePose, seconds: float) -> np.ndarray:
-        """Covariance (6, 6) of the pose with the window's solution fixed, without resection."""
+        """Covariance (6, 6) of a pose without resection, with the window's solution fixed."""
         own, displacement = self._own.copy(), (self._speed or 0.0) * seconds
         if motion.rotation_covariance is not None:
             own[:3, :3] += self._R @ motion.rotation_covariance @ self._R.T
@@ -395,8 +400,8 @@ class PathBuilder:
         """Evidence that the camera is at rest, if landmarks contradict the translation of the
         two-view estimate.
 
-        Most NEAR matches are then on moving objects: they have no landmark, or do not fit their
-        landmark.
+        In this case most NEAR matches are on moving objects: the tracks of these matches have no
+        landmark, or do not agree with their landmark.
         """
         if motion.status is not PoseStatus.OK:
             return None
@@ -427,12 +432,15 @@ class PathBuilder:
     def _has_moved(
         self, before: TrackObservations | None, now: TrackObservations, share: float
     ) -> bool:
-        """Whether the median flow exceeds ``share`` keyframe flows, or too many tracks are lost."""
+        """Whether the median flow exceeds ``share`` times `PathOptions.keyframe_flow_px`.
+
+        The result is also True if too many tracks are lost.
+        """
         assert before is not None
         return self._flow(before, now) > share * self._options.keyframe_flow_px
 
     def _flow(self, before: TrackObservations, now: TrackObservations) -> float:
-        """Median flow, px; infinite where too many tracks are lost."""
+        """Median flow between two frames, px; infinite if too many tracks are lost."""
         rows = before.rows_of(now.ids)
         both = rows >= 0
         if not both.any() or both.sum() < self._options.keyframe_share * len(before.ids):
@@ -450,7 +458,7 @@ class PathBuilder:
         self._unobservable_flow = 0.0
 
     def _complete_keyframe(self, window: Window, before: TrackObservations) -> None:
-        """Add tracks that begin in the last keyframe; they are known from the next match."""
+        """Add the tracks that begin in the last keyframe, which only the next match shows."""
         if not self._is_key:
             return
         self._is_key = False
@@ -520,10 +528,10 @@ class PathBuilder:
         )
 
     def _covariance(self) -> np.ndarray:
-        """Covariance (7, 7) of the pose: the propagated covariance of the window's start, plus that
-        within the window.
+        """Covariance (7, 7) of the pose in the segment.
 
-        The scale error of the start multiplies the displacement since then.
+        The covariance is the propagated covariance of the window's first pose plus the covariance
+        within the window. The scale error of the first pose multiplies the displacement since then.
         """
         displacement = self._p - self._base_p
         by_base = np.eye(7)
@@ -531,8 +539,9 @@ class PathBuilder:
         return self._covariance_within() + by_base @ self._base @ by_base.T
 
     def _covariance_within(self) -> np.ndarray:
-        """Covariance (7, 7) of the pose within its window: that of the window's solution, plus that
-        of the resection.
+        """Covariance (7, 7) of the pose within its window.
+
+        The covariance is that of the window's solution plus that of the resection.
         """
         covariance = np.zeros((7, 7))
         if self._window is not None and self._by_state is not None:
@@ -558,11 +567,10 @@ class PathBuilder:
 def _between(
     before2: np.ndarray, before: np.ndarray, after: np.ndarray, after2: np.ndarray
 ) -> np.ndarray:
-    """Velocity at a time, from the mean velocities over the two intervals before it and the two
-    after it.
+    """Velocity at a time, from the mean velocities over two intervals before and two after it.
 
-    The result is exact for polynomials of third degree. The mean of the inner two intervals alone
-    underestimates an oscillating velocity. The read-out time that explains the same shear would
-    then be too large.
+    The result is exact if the velocity is a polynomial of third degree. The mean of the inner two
+    intervals alone would underestimate an oscillating velocity. The estimated read-out time would
+    then be too large, because the product of velocity and read-out time explains the image shear.
     """
     return (7.0 * (before + after) - (before2 + after2)) / 12.0

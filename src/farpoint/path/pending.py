@@ -1,4 +1,4 @@
-"""Frame poses that still change with their keyframes."""
+"""Frame poses that still change when keyframes of the window change."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["Correction", "PendingPoses", "pose_matrix"]
 
 @dataclass(kw_only=True, eq=False)
 class _Pending:
-    """A frame's pose relative to a keyframe of the window, or final in the world."""
+    """Pose of a frame, relative to a keyframe of the window or, if final, in the world."""
 
     frame: int
     timestamp: float
@@ -29,19 +29,19 @@ class _Pending:
     covariance: np.ndarray
 
     def freeze(self) -> None:
-        """Convert to the world with the keyframe's current pose."""
+        """Convert the pose to world axes with the current pose of the keyframe."""
         if self.keyframe is not None:
             R, p = self.keyframe.R, self.keyframe.p
             self.R, self.p, self.keyframe = R @ self.R, R @ self.p + p, None
 
 
 class Correction:
-    """Changes of keyframes, to apply them to the poses between the keyframes.
+    """Changes of the keyframes, which are applied to the poses between the keyframes.
 
     Parameters
     ----------
     keyframes : sequence of Keyframe
-        Ascending in time, as they are before they move.
+        Keyframes before the change, in ascending order of time.
     """
 
     def __init__(self, keyframes: Sequence[Keyframe]) -> None:
@@ -49,7 +49,7 @@ class Correction:
         self._before = {id(key): (key.R, key.p) for key in keyframes}
 
     def at(self, timestamp: float) -> np.ndarray:
-        """Rotation vector and shift (6,) at a time, linear between keyframes."""
+        """Rotation vector and shift (6,) at a time, interpolated linearly between keyframes."""
         changes = []
         for key in self._keyframes:
             R, p = self._before[id(key)]
@@ -58,7 +58,7 @@ class Correction:
         return np.array([np.interp(timestamp, times, each) for each in np.transpose(changes)])
 
     def move(self, pose: _Pending) -> None:
-        """Move a pose that belongs to one of the keyframes."""
+        """Move a pose that is attached to one of the keyframes."""
         key = pose.keyframe
         if key is None or id(key) not in self._before:
             return
@@ -69,7 +69,7 @@ class Correction:
 
 
 class PendingPoses:
-    """Queue of frame poses, each returned once when it is final."""
+    """Queue of frame poses. Each pose is returned once, when it is final."""
 
     def __init__(self) -> None:
         self._poses: deque[_Pending] = deque()
@@ -106,7 +106,7 @@ class PendingPoses:
                 pose.freeze()
 
     def correct(self, correction: Correction) -> None:
-        """Move the poses between keyframes as these have moved."""
+        """Move the poses between keyframes as the keyframes have moved."""
         for pose in self._poses:
             correction.move(pose)
 
@@ -116,7 +116,7 @@ class PendingPoses:
             pose.freeze()
 
     def final_poses(self) -> list[FinalPose]:
-        """Final poses in the order of their frames, each returned once."""
+        """Poses that became final since the last call, in the order of their frames."""
         found = []
         while self._poses and (
             self._poses[0].keyframe is None or len(self._poses) > MAX_PENDING_FRAMES

@@ -1,4 +1,7 @@
-"""Correction of matches for perspective distortion, with larger covariances where no plane fits."""
+"""Correction of matches for perspective distortion of their windows.
+
+If a window does not show a single plane, the covariance of the match is increased.
+"""
 
 from __future__ import annotations
 
@@ -29,13 +32,15 @@ def without_perspective(
 ) -> Tracks:
     """Correct matches for the quadratic part of perspective motion within their windows.
 
-    The matched warp is affine, but the motion of a slanted plane in a window has a quadratic part,
-    which biases the match by 0.01 to 0.05 px. The bias is common to all windows on a road or a
-    wall, and the covariances of single matches do not include it. Surface slopes are estimated from
-    the warps. The slopes and the motion give the quadratic part.
+    The matched warp is affine, but the motion of a slanted plane in a window also has a quadratic
+    part, which biases the match by 0.01 to 0.05 px. All windows on a road or a wall have the same
+    bias, and the covariances of single matches do not include a common bias. Surface slopes are
+    estimated from the warps. The quadratic part follows from the slopes and the motion of the
+    camera.
 
-    A window across a depth edge contains two motions. Planes of any slope change a warp along the
-    flow only, so the warp's component across the flow increases the covariance of the match.
+    A window across a depth edge contains two motions. The slope of a plane changes a warp only
+    along the flow. The component of a warp across the flow is therefore a sign of a depth edge and
+    increases the covariance of the match.
 
     Parameters
     ----------
@@ -46,12 +51,12 @@ def without_perspective(
     R_cam1_from_cam0 : ndarray, shape (3, 3)
         Approximate rotation between the images.
     direction : ndarray, shape (3,), or None
-        Unit translation in camera 1 axes; None where unknown.
+        Unit translation in camera 1 axes; None if unknown.
 
     Returns
     -------
     Tracks
-        Corrected matches with larger covariances, without windows.
+        Corrected matches with larger covariances. The field ``windows`` is None.
     """
     if tracks.windows is None:
         return tracks
@@ -70,7 +75,7 @@ def without_perspective(
 
 
 class _Motion(NamedTuple):
-    """Motion of points: a ray r at inverse distance s maps to ``R r + s direction``."""
+    """Motion of points: a point on ray r at inverse distance s moves to ``R r + s direction``."""
 
     R: np.ndarray
     direction: np.ndarray
@@ -96,11 +101,12 @@ def _quadratic_coefficients(
 
 
 def _planes(tracks: Tracks, camera: Camera, motion: _Motion) -> tuple[np.ndarray, np.ndarray]:
-    """Plane vectors n (N, 3), inverse distance ``n . ray``, and the misfit (N,) of the warps.
+    """Plane vectors n (N, 3) of the windows, and misfits (N,) of the warps.
 
-    The warp of a window is the derivative of ``project(R ray + direction (n . ray))`` by the pixel.
-    It is linear in the slope of n, which has a normal prior, and the slope acts along the flow
-    only; the misfit is the warp's component across the flow.
+    A plane has the inverse distance ``n . ray``. The warp of a window is the derivative of
+    ``project(R ray + direction (n . ray))`` by the pixel. The warp is linear in the slope of n,
+    which has a normal prior. The slope changes the warp only along the flow. The misfit is the
+    component of the warp across the flow.
     """
     assert tracks.windows is not None
     R, direction = motion

@@ -11,16 +11,16 @@ __all__ = ["FinalPose", "PathPoint", "Rest"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rest:
-    """Evidence of landmarks that the camera is at rest, in spite of moving objects.
+    """Evidence from landmarks that the camera is at rest, in spite of moving objects.
 
     Attributes
     ----------
     rotation_cam1_from_cam0 : ndarray, shape (3, 3)
-        From the previous frame to this one.
+        Rotation from the previous frame (camera 0) to this frame (camera 1).
     rotation_covariance : ndarray, shape (3, 3)
         Covariance of ``dtheta`` in camera 1, rad^2.
     points : int
-        Number of landmarks that fit.
+        Number of landmarks that agree with a camera at rest.
     """
 
     rotation_cam1_from_cam0: np.ndarray
@@ -35,21 +35,23 @@ class PathPoint:
     Attributes
     ----------
     world_from_cam : ndarray, shape (4, 4)
-        Camera axes to world; the first frame is the world.
+        Transformation from camera axes to the world, whose axes are those of the first frame.
     covariance : ndarray, shape (7, 7)
-        Covariance of ``[dtheta (3), dposition (3), dlog_scale]`` since the beginning of the
-        segment.
+        Covariance of the errors ``[dtheta (3), dposition (3), dlog_scale]`` that have accumulated
+        since the beginning of the segment.
     segment : int
-        Number of the path segment; scale or tracking was lost between segments.
+        Number of the path segment. A new segment begins where scale or tracking is lost.
     scale, scale_sigma : float or None
-        Length of the last frame-to-frame translation and its 1-sigma; None where unobservable.
+        Length of the last frame-to-frame translation and 1-sigma of the length; None if the length
+        is unobservable.
     scale_is_guessed : bool
-        Whether the length is extrapolated from the last speed, for lack of landmarks; later lengths
-        are relative to it.
+        Whether ``scale`` is extrapolated from the last speed because no landmark was in view. Later
+        lengths are relative to this ``scale``.
     rest : Rest or None
-        Set where landmarks are static although the two-view estimate has a translation.
+        Evidence that the camera is at rest although the two-view estimate has a translation; None
+        without such evidence.
     fitting : ndarray of int64, shape (N,)
-        Tracks of landmarks that fit the pose, ascending.
+        Track ids of the landmarks that agree with the pose, ascending.
     """
 
     world_from_cam: np.ndarray
@@ -64,21 +66,21 @@ class PathPoint:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FinalPose:
-    """A final pose.
+    """Pose of a frame that has left the window and does not change any further.
 
     Attributes
     ----------
     frame1 : int
         Index of the frame.
     timestamp : float
-        Seconds.
+        Time stamp of the frame, s.
     segment : int
-        Segment of the path.
+        Number of the path segment.
     world_from_cam : ndarray, shape (4, 4)
-        Camera axes to world; the first frame is the world.
+        Transformation from camera axes to the world, whose axes are those of the first frame.
     world_covariance : ndarray, shape (7, 7)
-        Covariance of ``[dtheta (3), dposition (3), dlog_scale]`` since the beginning of the
-        segment.
+        Covariance of the errors ``[dtheta (3), dposition (3), dlog_scale]`` that have accumulated
+        since the beginning of the segment.
     """
 
     frame1: int

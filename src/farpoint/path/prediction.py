@@ -17,7 +17,7 @@ __all__ = ["inverse_depths", "point_predictor"]
 def inverse_depths(
     rays0: np.ndarray, rays1: np.ndarray, R_cam1_from_cam0: np.ndarray, direction: np.ndarray
 ) -> np.ndarray:
-    """Inverse distances (N,) in camera 1, per unit translation, of matched rays (N, 3).
+    """Inverse distances (N,) from camera 1 of matched rays (N, 3); the translation has length 1.
 
     The distances l0 and l1 satisfy ``l1 b = l0 R a + t``. The cross product of this equation with
     ``R a`` gives the inverse distance, which is negative for a point behind the camera.
@@ -32,27 +32,27 @@ def inverse_depths(
 def point_predictor(
     camera: Camera, motion: RelativePose, tracks: Tracks, ids: np.ndarray, points: np.ndarray
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """Predictor of the tracks ``ids`` under a repeated motion.
+    """Function that predicts the tracks ``ids`` under the assumption that the motion repeats.
 
     Parameters
     ----------
     camera : Camera
         Camera of both images.
     motion : RelativePose
-        The last motion; FAILED predicts no displacement.
+        The last motion. A motion with status FAILED predicts no displacement.
     tracks : Tracks
-        Matches of that motion, which give the depths. A track without depth takes that of its
-        nearest neighbour in the image.
+        Matches of the last motion, which give the depths. A track without depth is given the depth
+        of its nearest neighbour in the image.
     ids : ndarray of int64, shape (N,)
-        Ascending.
+        Ids of the predicted tracks, ascending.
     points : ndarray, shape (N, 2)
         Current pixels of the tracks.
 
     Returns
     -------
     callable
-        Maps current pixels (N, 2) of the tracks, or pixels near them, to expected pixels (N, 2);
-        NaN rows outside the lens' field.
+        Maps current pixels (N, 2) of the tracks, or nearby pixels, to expected pixels (N, 2). Rows
+        are NaN for points outside the lens' field.
     """
     R, direction = motion.rotation_cam1_from_cam0, motion.direction_cam1_from_cam0
     if R is None:
@@ -71,6 +71,6 @@ def point_predictor(
 
 
 def _nearest(points: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Index of the nearest of the others (M, 2) for each point (N, 2)."""
+    """Index (N,) of the nearest of the other points (M, 2) to each of the points (N, 2)."""
     # Squared distances up to a constant of each row.
     return np.argmin(np.sum(others**2, axis=1) - 2.0 * points @ others.T, axis=1)

@@ -1,4 +1,4 @@
-"""Quadratic prior of the window's unknowns, from marginalised keyframes."""
+"""Quadratic prior of the unknowns of a window, from marginalised keyframes."""
 
 from __future__ import annotations
 
@@ -16,15 +16,16 @@ __all__ = ["Prior", "by_position_change"]
 
 
 class Prior:
-    """Information and gradient of poses and common unknowns at a fixed linearisation point.
+    """Quadratic prior: information and gradient of all unknowns at a fixed linearisation point.
 
-    Poses deviate from the linearisation point by ``R' = Exp(theta) R``, ``p' = Exp(theta) p +
-    rho``.
+    The unknowns are the poses and the common unknowns: lens and read-out time. The deviation
+    ``[theta, rho]`` of a pose from the linearisation point is defined by ``R' = Exp(theta) R`` and
+    ``p' = Exp(theta) p + rho``.
 
     Parameters
     ----------
     common : ndarray, shape (G,)
-        Mean of lens and read-out time.
+        Prior mean of lens and read-out time.
     covariance : ndarray, shape (G, G)
         Covariance of ``common``.
     """
@@ -43,12 +44,13 @@ class Prior:
         self._p = np.concatenate([self._p, frame.p[None]])
 
     def fix_first(self, sigma: float) -> None:
-        """Fix the first pose with this 1-sigma, rad and units."""
+        """Fix the first pose with the 1-sigma ``sigma``, rad and units of the path."""
         self._H[:6, :6] += np.eye(6) / sigma**2
 
     def add(self, row: np.ndarray, residual: float, sigma: float, deviation: np.ndarray) -> None:
-        """Add a linear measurement: derivatives (D,), residual and 1-sigma at a deviation from the
-        linearisation point.
+        """Add a linear measurement at a deviation from the linearisation point.
+
+        ``row`` (D,) holds the derivatives of the ``residual``, and ``sigma`` is its 1-sigma.
         """
         self._H += np.outer(row, row) / sigma**2
         self._g += row * (residual - row @ deviation) / sigma**2
@@ -61,7 +63,7 @@ class Prior:
         return np.concatenate([updated.ravel(), common - self._common])
 
     def cost(self, deviation: np.ndarray) -> float:
-        """``g.d + d.H.d / 2`` up to a constant."""
+        """Cost ``g.d + d.H.d / 2`` of a deviation d, up to a constant."""
         return float(self._g @ deviation + 0.5 * deviation @ self._H @ deviation)
 
     def at(self, deviation: np.ndarray) -> System:
@@ -69,9 +71,10 @@ class Prior:
         return System(self._H, self._g + self._H @ deviation)
 
     def replace(self, system: System, slot: int, poses: Poses, common: np.ndarray) -> None:
-        """Replace the prior by a system of equations, with the pose in one slot marginalised.
+        """Replace the prior by a system of equations in which the pose of ``slot`` is marginalised.
 
-        ``poses`` are the remaining poses, the linearisation point of the system.
+        ``poses`` and ``common`` are the remaining unknowns at the linearisation point of the
+        system.
         """
         H, g = system
         out = np.arange(6 * slot, 6 * slot + 6)
@@ -87,7 +90,7 @@ class Prior:
 
 
 def _rotation_vectors(R: np.ndarray) -> np.ndarray:
-    """Rotation vectors (K, 3) of rotations (K, 3, 3) below pi."""
+    """Rotation vectors (K, 3) of rotations (K, 3, 3) by less than pi."""
     sines = 0.5 * np.stack(
         [R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1
     )

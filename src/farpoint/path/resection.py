@@ -28,14 +28,14 @@ class Located:
     R, p : ndarray, shapes (3, 3), (3,)
         Rotation ``world_from_cam`` and position.
     covariance : ndarray, shape (6, 6)
-        Covariance of ``[theta, rho]``: ``R' = Exp(theta) R``, ``p' = p + rho``, with the window's
-        keyframes, lens and shutter fixed.
+        Covariance of ``[theta, rho]`` if the window's keyframes, lens and shutter are fixed, with
+        ``R' = Exp(theta) R`` and ``p' = p + rho``.
     by_state : ndarray, shape (6, D)
-        Derivatives of the same by the unknowns of the window.
+        Derivatives of ``[theta, rho]`` by the unknowns of the window.
     ids : ndarray of int64, shape (N,)
-        Tracks of the landmarks.
+        Track ids of the landmarks.
     squares : ndarray, shape (N,)
-        Squared residuals over their variances.
+        Squared residuals divided by their variances.
     """
 
     R: np.ndarray
@@ -46,7 +46,7 @@ class Located:
     squares: np.ndarray
 
     def fitting(self, limit: float) -> np.ndarray:
-        """Tracks whose squared residuals are below a limit."""
+        """Ids of the tracks whose squared residuals are below a limit."""
         return self.ids[self.squares < limit]
 
 
@@ -58,7 +58,7 @@ def locate_frame(
     start: np.ndarray,
     seconds: float,
 ) -> Located | None:
-    """Maximum-likelihood pose of a frame, Student's t errors.
+    """Maximum-likelihood pose of a frame, with errors of Student's t distribution.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def locate_frame(
     Returns
     -------
     Located or None
-        None with fewer than 8 landmarks.
+        None if fewer than 8 landmarks are in view.
     """
     marks = window.landmarks
     rows = marks.rows_of(observed.ids)
@@ -91,9 +91,10 @@ def locate_frame(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Points:
-    """Landmarks in a frame, one row each; see `farpoint._kernels.window.locate`.
+    """Landmarks in a frame, one row for each; see `farpoint._kernels.window.locate`.
 
-    ``rows`` are those of the landmarks, and ``since`` their last observations by a keyframe.
+    ``rows`` are rows of the window's landmarks. ``since`` is the last observation of each landmark
+    by a keyframe.
     """
 
     ids: np.ndarray
@@ -111,7 +112,7 @@ class _Points:
 
     @classmethod
     def of(cls, window: Window, rows: np.ndarray, observed: TrackObservations) -> _Points:
-        """Points of these rows (N,) of the window's landmarks, with their tracks in a frame."""
+        """Points of the given ``rows`` (N,) of the window's landmarks, with tracks in a frame."""
         marks, since = window.landmarks, window.landmarks.latest()[rows]
         homogeneous_points, base = window.homogeneous_points(rows)
         s = marks.s[rows]
@@ -138,7 +139,7 @@ class _Points:
         start: np.ndarray,
         seconds: float,
     ) -> Located | None:
-        """Optimised pose from an initial pose; None with too few points in the lens' field."""
+        """Pose optimised from an initial pose; None if too few points are in the lens' field."""
         R, p, (R0, p0) = R.copy(), start.copy(), last
         H, squares = np.empty((6, 6)), np.empty(len(self.s))
         expected = self._linearise(window, R, p)
@@ -167,7 +168,7 @@ class _Points:
         )
 
     def _linearise(self, window: Window, R: np.ndarray, p: np.ndarray) -> _Expected:
-        """Expected rays and pixels, at a pose."""
+        """Expected rays and pixels of the points at a pose."""
         rays = (self.homogeneous_points - self.s[:, None] * p) @ R
         rays /= np.maximum(np.linalg.norm(rays, axis=1, keepdims=True), 1e-300)
         pixels, by_ray, by_lens = window.lens.pixels_of(rays)
@@ -186,12 +187,12 @@ class _Points:
         twist: np.ndarray,
         squares: np.ndarray,
     ) -> np.ndarray:
-        """Derivatives (6, D) of the gradient by the unknowns of the window.
+        """Derivatives (6, D) of the cost's gradient by the unknowns of the window.
 
-        The residual in the point's last keyframe is subtracted from each residual. Both residuals
-        depend on the pose of the anchor, on lens and read-out time, and on the inverse distance,
-        which is a function of these unknowns. A common motion of the anchor and an observer changes
-        neither residual.
+        The residual of a point in its last keyframe is subtracted from the residual in this frame.
+        Both residuals depend on the pose of the anchor, on lens and read-out time, and on the
+        inverse distance, which is itself a function of these unknowns. A residual does not change
+        if the anchor and the observing frame move together.
         """
         marks, s = window.landmarks, self.s[:, None]
         anchors = marks.anchor[self.rows]
@@ -219,7 +220,7 @@ class _Points:
         return weighted.reshape(-1, 6).T @ columns.reshape(len(s) * 2, -1)
 
     def _precision(self, by_s: np.ndarray, squares: np.ndarray) -> np.ndarray:
-        """Inverse covariances (N, 2, 2) of the residuals, with their robust weights."""
+        """Inverse covariances (N, 2, 2) of the residuals, times robust weights."""
         uu, uv, vv = self.covariances.T
         u, v = by_s.T
         # Of C + s_variance b b^T, without the cancellation of its own entries.
@@ -240,7 +241,7 @@ class _Points:
 
 
 class _Expected(NamedTuple):
-    """Unit rays (N, 3) to points, their expected minus observed pixels, and the derivatives."""
+    """Expected unit rays (N, 3) to points, expected minus observed pixels, and derivatives."""
 
     rays: np.ndarray
     offsets: np.ndarray
@@ -249,6 +250,6 @@ class _Expected(NamedTuple):
 
 
 def _add_poses(columns: np.ndarray, slots: np.ndarray, values: np.ndarray) -> None:
-    """Add derivatives (N, 2, 6) to those columns of (N, 2, D) that belong to a keyframe."""
+    """Add derivatives (N, 2, 6) by the poses in ``slots`` to their columns of (N, 2, D)."""
     rows = np.arange(len(slots))[:, None, None]
     columns[rows, np.arange(2)[:, None], 6 * slots[:, None, None] + np.arange(6)] += values

@@ -1,8 +1,8 @@
 """Reprojection residuals of a window, px: derivatives, likelihood and information.
 
-Errors of a track accumulate from match to match. The residual of a term is therefore the change of
-a track's residual between two keyframes. Its cost is that of Student's t, with the covariances of
-the matches in between.
+Errors of a track accumulate from match to match. Each term of the cost is therefore a function of
+the change of a track's residual between two keyframes. The change has Student's t distribution,
+with the covariances of the matches in between.
 """
 
 from __future__ import annotations
@@ -31,14 +31,15 @@ __all__ = ["NOISE", "Linear", "Normal", "Poses", "Residuals", "WindowNoise", "ro
 
 
 class WindowNoise(NamedTuple):
-    """Covariance model of residual changes.
+    """Model of the covariance of a residual change between two keyframes.
 
     Attributes
     ----------
     last, accumulated : float
-        Weights of the last match's covariance, and of the sum since the last keyframe.
+        Weight of the covariance of the last match, and weight of the sum of the covariances since
+        the earlier keyframe.
     floor_px2 : float
-        Added to both variances, since identical frames match without error.
+        Variance added to both coordinates, px^2, because identical frames match without error.
     """
 
     last: float = 0.5
@@ -46,7 +47,9 @@ class WindowNoise(NamedTuple):
     floor_px2: float = 0.03**2
 
     def covariances(self, last: np.ndarray, accumulated: np.ndarray) -> np.ndarray:
-        """Covariances (N, 3) of residuals, from those of the last match and the sum since a
+        """Covariances (N, 3) of residual changes.
+
+        ``last`` are the covariances of the last matches, and ``accumulated`` the sums since a
         keyframe.
         """
         floor = self.floor_px2 * np.array([1.0, 0.0, 1.0])
@@ -74,8 +77,9 @@ class Poses(NamedTuple):
 
 
 class Linear(NamedTuple):
-    """Residuals of all observations and their derivatives; both are 0 for anchors and unseen
-    points.
+    """Residuals of all observations, and derivatives of the residuals.
+
+    Residuals and derivatives are 0 for anchors and unseen points.
     """
 
     residuals: np.ndarray
@@ -87,9 +91,9 @@ class Linear(NamedTuple):
 class Normal(NamedTuple):
     """Normal equations of the observations, with separate blocks for the points.
 
-    ``squares`` is the sum of weighted squared residuals, ``residuals`` their number.
-    ``design_effect`` is the variance of residual sums over image patches and tracks, relative to
-    independent residuals.
+    ``squares`` is the sum of weighted squared residuals, and ``residuals`` is the number of
+    residuals. ``design_effect`` is the variance of residual sums over image patches and tracks,
+    divided by the variance for independent residuals.
     """
 
     H: np.ndarray
@@ -102,7 +106,7 @@ class Normal(NamedTuple):
     design_effect: float
 
     def reduced(self, damping: float) -> System:
-        """Schur complement: poses and common unknowns, the points eliminated."""
+        """System of poses and common unknowns without the points (Schur complement)."""
         H, g = self.H.copy(), self.g.copy()
         eliminate_points(self.coupling, self.point_h, self.point_g, damping, H, g)
         return System(H, g)
@@ -114,7 +118,7 @@ def row_phase(pixels: np.ndarray, size: tuple[int, int]) -> np.ndarray:
 
 
 class Residuals:
-    """Residuals of a window. The lens is linearised once, at the expected points.
+    """Residuals of a window. The lens is linearised once, at the expected pixels.
 
     Parameters
     ----------
@@ -125,7 +129,8 @@ class Residuals:
     poses : Poses
         Linearisation point of the lens.
     variance_factor, design_effect : float
-        Factor on the residual variances; number of observations per independent one.
+        Factor on the variances of residuals, and number of observations per independent
+        observation.
     """
 
     def __init__(
@@ -164,7 +169,7 @@ class Residuals:
         return rays, offsets, by_ray, by_lens
 
     def linear(self, poses: Poses) -> Linear:
-        """Residuals and derivatives at poses, with the current lens and points."""
+        """Residuals and derivatives at the given poses, with the current lens and points."""
         marks, lens, count = self._marks, self._lens, len(self._marks.point)
         linear = Linear(
             np.empty((count, 2)), np.zeros((count, 2, 6)), np.zeros((count, 2, lens.size + 1)),
@@ -207,7 +212,7 @@ class Residuals:
         return Normal(H, g, coupling, point_h, point_g, squares, observed, design_effect)
 
     def _patches(self) -> tuple[int, np.ndarray]:
-        """Number of patches in all images, and the patch of each observation (N,)."""
+        """Number of patches in all images, and the patch (N,) of each observation."""
         width, height = self._size
         side = max(width, height) / PATCHES_PER_IMAGE
         across, down = math.ceil(width / side), math.ceil(height / side)

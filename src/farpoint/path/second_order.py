@@ -8,13 +8,13 @@ __all__ = ["second_order_variance"]
 
 
 def second_order_variance(displacement: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Variance (3, 3) of a position of known distance, to second order in its direction.
+    """Variance (3, 3) of a position of known distance, to second order in the direction's error.
 
     An error ``e`` across a ``displacement`` (3,) of length l shortens the displacement by ``e . e /
-    (2 l)``. For a normal e with the covariance C, this shortening has the mean square ``(2 tr C^2 +
-    (tr C)^2) / (4 l^2)``. If the distance is the unit of the path, this is the only error along the
-    displacement. The variance is isotropic, because later frames rotate the displacement by a
-    similar error.
+    (2 l)``. If e is normal with the covariance C, the mean square of the shortening is ``(2 tr C^2
+    + (tr C)^2) / (4 l^2)``. If the distance is the unit of the path, the shortening is the only
+    error along the displacement. The variance is isotropic, because the rotations of later frames
+    have a similar error and turn the displacement.
     """
     length2 = float(displacement @ displacement)
     if length2 == 0.0:

@@ -15,7 +15,7 @@ __all__ = ["redundant_keyframe", "select_tracks"]
 def select_tracks(
     observed: TrackObservations, landmarks: Landmarks, most: int
 ) -> TrackObservations:
-    """Tracks with a landmark, and evenly sampled other tracks up to ``most`` in all."""
+    """All tracks with a landmark, and evenly sampled other tracks, up to a total of ``most``."""
     known = landmarks.rows_of(observed.ids) >= 0
     free_slots = max(most - int(known.sum()), 0)
     fresh = np.flatnonzero(~known)
@@ -27,19 +27,19 @@ def select_tracks(
 
 
 def redundant_keyframe(window: Window, alive: np.ndarray) -> int:
-    """Slot of the keyframe to marginalise: it has too few points in view, or the most crowded
-    position.
+    """Slot of the keyframe to marginalise.
 
-    The crowding is the score of Engel, Koltun and Cremers, "Direct Sparse Odometry", 2018, section
-    3.1: the root of the distance to the newest keyframe times the sum of inverse distances to the
-    others. By this score the window keeps a baseline under pure rotation.
+    The keyframe has too few points in view, or the largest crowding score. The score is that of
+    Engel, Koltun and Cremers, "Direct Sparse Odometry", 2018, section 3.1: the root of the distance
+    to the newest keyframe times the sum of inverse distances to the other keyframes. With this
+    score the window keeps a baseline under pure rotation.
 
     Parameters
     ----------
     window : Window
         A window of more than two keyframes.
     alive : ndarray of int64, shape (N,)
-        Tracks in view.
+        Ids of the tracks in view.
     """
     marks, count = window.landmarks, len(window.frames) - NEWEST_KEYFRAMES
     in_view = np.isin(marks.ids, alive)[marks.point]

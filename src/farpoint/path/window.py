@@ -1,6 +1,7 @@
 """Sliding-window bundle adjustment over keyframe poses, inverse distances, lens and shutter.
 
-Inverse distances are eliminated; removed keyframes are marginalised into a prior.
+Inverse distances are eliminated from the equations. Keyframes that leave the window are
+marginalised into a prior.
 """
 
 from __future__ import annotations
@@ -49,30 +50,30 @@ class Window:
     Parameters
     ----------
     lens : LensEstimate
-        Updated in place.
+        Estimate of lens and shutter, which is updated in place.
     size : (int, int)
         Width and height of the images, px.
 
     Attributes
     ----------
     frames : list of Keyframe
-        Ascending in time.
+        Keyframes in ascending order of time.
     landmarks : Landmarks
         Landmarks and observations.
     covariance : ndarray, shape (D, D)
-        Covariance of all poses, 6 each as in `Prior`, and the common unknowns, at the last
-        solution.
+        Covariance of all unknowns at the last solution: 6 for each pose, as in `Prior`, then lens
+        and read-out time.
     size : (int, int)
         Size of the images.
     origin : ndarray, shape (3,)
-        Position of the first keyframe, the gauge.
+        Position of the first keyframe, which defines the gauge.
     cost : float
         Negative log likelihood up to a constant, at the last solution.
     variance_factor : float
         Estimated factor on the residual variances.
     design_effect : float
-        Observations per independent observation: errors are correlated between neighbours and along
-        a track.
+        Number of observations per independent observation. Errors are correlated between
+        neighbouring points and along a track.
     """
 
     def __init__(self, lens: LensEstimate, size: tuple[int, int]) -> None:
@@ -128,9 +129,9 @@ class Window:
     ) -> None:
         """Start again from other poses and another lens, with the same observations.
 
-        Possible only before a keyframe is marginalised. The lens starts at the unknowns ``common``.
-        Each pose is corrected by ``rate`` (6,), a velocity as of `Keyframe.twist`, from the time
-        ``since`` on.
+        A restart is possible only before a keyframe is marginalised. Lens and read-out time start
+        at ``common``. Each pose after the time ``since`` is corrected by the velocity ``rate``
+        (6,), in the format of `Keyframe.twist`, times the time after ``since``.
         """
         marks, frames = self.landmarks, self.frames
         self._begin(lens)
@@ -152,7 +153,10 @@ class Window:
         self.landmarks.observe(len(self.frames) - 1, *tracks)
 
     def add_rest_prior(self, sigma: float) -> None:
-        """Add a zero-displacement prior between the last two keyframes, 1-sigma in path units."""
+        """Add the prior that the last two keyframes have the same position.
+
+        ``sigma`` is the 1-sigma of each coordinate, in units of the path.
+        """
         self._rests[len(self.frames) - 1] = sigma
         self._measure_rest(sigma)
 
@@ -175,9 +179,10 @@ class Window:
         self._unit = (len(self.frames) - 2, len(self.frames) - 1)
 
     def _baseline(self) -> tuple[int, int] | None:
-        """Slots of the longest baseline from the first keyframe, the scale gauge of a solution.
+        """Slots of the two keyframes whose distance is held fixed to determine the scale.
 
-        None once the prior fixes the scale, and without any displacement.
+        These are the first keyframe and the keyframe farthest from the first. The result is None if
+        the prior determines the scale, or if all keyframes have the same position.
         """
         if self._unit is None:
             return None
@@ -187,7 +192,7 @@ class Window:
     # Points
 
     def homogeneous_points(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Homogeneous points ``X = R b + s p`` (N, 3), and their derivatives by s (N, 3)."""
+        """Homogeneous points ``X = R b + s p`` (N, 3), and the derivatives (N, 3) of X by s."""
         marks, poses = self.landmarks, Poses.of(self.frames)
         at = marks.anchor[rows]
         slot = marks.slot[at]
@@ -213,7 +218,7 @@ class Window:
         return row_phase(pixels, self.size)
 
     def _row_delay_s(self, observations: np.ndarray) -> np.ndarray:
-        """Read-out times of observations (N,), s from the middle row."""
+        """Read-out times (N,) of observations, s after the middle row."""
         return self.row_phase(self.landmarks.pixels[observations]) * self.lens.readout_s
 
     def triangulate(self) -> None:
@@ -261,7 +266,7 @@ class Window:
         return 0.05 / max(float(np.linalg.norm(self.frames[-1].p - self.frames[-2].p)), 1e-9)
 
     def _variances(self, last: np.ndarray, accumulated: np.ndarray) -> np.ndarray:
-        """Covariances (N, 3) of residuals."""
+        """Covariances (N, 3) of residual changes, with the factor on the variances."""
         return self.variance_factor * NOISE.covariances(last, accumulated)
 
     def variances_since(
@@ -310,7 +315,7 @@ class Window:
     def _equations(
         self, residuals: Residuals, linear: Linear, deviation: np.ndarray
     ) -> tuple[Normal, System]:
-        """Normal equations of the observations, and the reduced system with the prior."""
+        """Normal equations of the observations, and the system with the prior, without points."""
         normal = residuals.normal(linear, self.landmarks.has_depth)
         reduced = normal.reduced(self._depth_damping())
         return normal, self._with_prior(reduced, deviation, self._baseline())
@@ -321,7 +326,7 @@ class Window:
         )
 
     def newest_by_state(self) -> np.ndarray:
-        """Derivatives (6, D) of ``[dtheta, dp]`` of the newest keyframe by all unknowns."""
+        """Derivatives (6, D) by all unknowns of ``[dtheta, dp]`` of the newest keyframe."""
         at, rows = 6 * (len(self.frames) - 1), np.zeros((6, len(self.covariance)))
         rows[:, at : at + 6] = np.eye(6)
         rows[3:, at : at + 3] = -so3.skew(self.frames[-1].p)
@@ -330,9 +335,9 @@ class Window:
     def covariance_of(self, by_state: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Covariance (7, 7) of ``[dtheta, dp, dlog_scale]`` of a pose, in the world.
 
-        The error of the position is defined by ``p_true = p + dp``. ``by_state`` (6, D) are the
-        derivatives of the pose by all unknowns of the last solution. The error of the scale is that
-        of the newest keyframe.
+        The error of the position is defined by ``p_true = p + dp``. ``by_state`` (6, D) holds the
+        derivatives of the pose by all unknowns of the last solution. The error of the scale is the
+        error at the newest keyframe.
         """
         rows = np.vstack([by_state, self._by_scale])
         by_unit = np.array([0.0, 0.0, 0.0, *(p - self.origin), 1.0])
@@ -348,10 +353,11 @@ class Window:
         return self._unit is not None and self._unit[1] == len(self.frames) - 1
 
     def _find_scale(self) -> None:
-        """Find the derivatives (D,) of the scale's logarithm at the newest keyframe.
+        """Find the derivatives (D,) of the logarithm of the scale at the newest keyframe.
 
-        The scale is that of the baseline to this keyframe with the least variance. If no baseline
-        is significant, as under pure rotation, the last significant baseline is kept.
+        The scale is measured by the baseline from a keyframe to the newest keyframe whose
+        logarithmic length has the least variance. If no baseline is significant, as under pure
+        rotation, the variance of the last significant baseline is kept.
         """
         count, newest, least = len(self.covariance), len(self.frames) - 1, np.inf
         self._by_scale = np.zeros(count)
@@ -369,7 +375,7 @@ class Window:
             self._by_scale = np.zeros(count)
 
     def last_length(self) -> tuple[float, bool]:
-        """Distance of the last two keyframes, and whether it exceeds 3 sigma."""
+        """Distance between the last two keyframes, and whether the distance exceeds 3 sigma."""
         displacement = self.frames[-1].p - self.frames[-2].p
         length, last = float(np.linalg.norm(displacement)), len(self.frames) - 1
         if length == 0.0:
@@ -380,7 +386,7 @@ class Window:
         return length, length**2 > GATE_SIGMA**2 * float(row @ self.covariance @ row)
 
     def _variance_of_unit(self) -> float:
-        """Variance of the logarithm of the unit baseline's length, given the gauge."""
+        """Variance of the logarithm of the baseline whose length is the unit of the path."""
         if self._unit is None:
             return 0.0
         row = self._by_log_length(self._unit)
@@ -404,7 +410,7 @@ class Window:
         return motion, rotated @ self.covariance @ rotated.T
 
     def _store_solution(self, linear: Linear, normal: Normal, system: System) -> None:
-        """Store residuals at the solution, and covariances of its last iteration."""
+        """Store the residuals at the solution, and the covariances of the last iteration."""
         marks, self._linear = self.landmarks, linear
         unseen = linear.residuals[:, :1] == UNSEEN_PX
         marks.residuals = np.where(unseen, 0.0, linear.residuals)
@@ -426,10 +432,10 @@ class Window:
             self.design_effect = float(np.clip(effect, *DESIGN_EFFECT_BOUNDS))
 
     def _mark_reliable(self, normal: Normal) -> None:
-        """Mark points in view with a small error of the inverse distance.
+        """Mark the points in view whose inverse distance has a small error.
 
-        Errors of the poses are included, except that of the scale, which is common to all
-        distances.
+        The error includes errors of the poses, but not the error of the scale, which is common to
+        all distances.
         """
         marks, newest = self.landmarks, len(self.frames) - 1
         spread = self.covariance
@@ -454,7 +460,7 @@ class Window:
     def _with_prior(
         self, system: System, deviation: np.ndarray, gauge: tuple[int, int] | None
     ) -> System:
-        """Add the prior and a gauge of the scale: a fixed baseline between two keyframes."""
+        """Add the prior to a system, and fix the distance between the two ``gauge`` keyframes."""
         known = self._prior.at(deviation)
         H = system.H + known.H
         if gauge is not None:
@@ -463,7 +469,7 @@ class Window:
         return System(H, system.g + known.g)
 
     def _by_log_length(self, slots: tuple[int, int]) -> np.ndarray:
-        """Derivatives (D,) of the log distance of two keyframes."""
+        """Derivatives (D,) of the logarithm of the distance between two keyframes."""
         displacement = self.frames[slots[1]].p - self.frames[slots[0]].p
         count = 6 * len(self.frames) + self.lens.size + 1
         return by_position_change(
@@ -508,9 +514,10 @@ class Window:
     def remove(self, slot: int, alive: np.ndarray) -> Keyframe:
         """Marginalise a keyframe into the prior.
 
-        Points anchored in this keyframe that are not ``alive`` (ids, ascending) are marginalised,
-        too. Points that are alive get a new anchor: the next keyframe that observes them. Points
-        with a single observation that are not alive carry no information and are dropped.
+        ``alive`` holds the ids, ascending, of the tracks in view. A point whose anchor is in the
+        removed keyframe is marginalised, too, if the point is not alive. If the point is alive, the
+        next keyframe that observes the point becomes the anchor. A point that is not alive and has
+        a single observation carries no information and is dropped.
         """
         marks, frame = self.landmarks, self.frames[slot]
         if self._unit is not None:
@@ -538,7 +545,10 @@ class Window:
         return frame
 
     def _change_anchors(self, rows: np.ndarray, slot: int) -> np.ndarray:
-        """Re-anchor points in another keyframe; rows of the points without one."""
+        """Move the anchors of points to another keyframe.
+
+        The function returns the rows of the points for which there is no other valid observation.
+        """
         marks = self.landmarks
         new = marks.next_anchors(rows, slot)
         rays, by_lens, seen = marks.rays_at(marks.pixels[new])

@@ -1,11 +1,11 @@
-"""Candidate motions beside the result of the search, and the likeliest of all.
+"""Candidate motions in addition to the result of the search, and the choice of the likeliest.
 
-The search compares motions by a part of the matches and by residuals only. Its answer may be a
-local maximum if nearly all points are far, if noise is large, or if the residuals of neighbours are
-correlated. In these cases further candidates come from the flow of rejected matches, the secondary
-modes of the search, the rotation of the far points, and a search with a bounded noise scale. Each
-candidate is refined by the likelihood of all matches. The likeliest candidate replaces the answer
-of the search if its log likelihood is larger by a margin.
+The search compares motions by a part of the matches and by residuals only. The result of the search
+may be a local maximum if nearly all points are far, if the noise is large, or if the residuals of
+neighbours are correlated. In these cases further candidates come from the flow of rejected matches,
+the secondary modes of the search, the rotation of the far points, and a search with a bounded noise
+scale. Each candidate is refined by the likelihood of all matches. The likeliest candidate replaces
+the result of the search if the log likelihood of the candidate is larger by a margin.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def likeliest_motion(
     options: RelativePoseOptions,
     state: np.ndarray,
 ) -> GeneralMotionFit:
-    """The fit, or another motion that is clearly likelier.
+    """The given fit, or a candidate motion that is clearly likelier.
 
     If the noise is large, the likeliest other candidate becomes ``candidate_mode`` of the fit.
     """
@@ -78,10 +78,11 @@ def _is_clearly_likelier(fit: GeneralMotionFit, other: GeneralMotionFit) -> bool
 def _from_rejected(
     matches: Matches, fit: GeneralMotionFit, tolerance: float, state: np.ndarray
 ) -> Iterator[GeneralMotionFit]:
-    """The direction in which rejected matches flow, if the flow of the motion is mostly noise.
+    """Candidate with the direction towards which rejected matches flow.
 
-    If nearly all points are far, a rotation explains the common part of the flow, and the few near
-    points are rejected.
+    There is such a candidate only if the translational flow of the fit is mostly noise. If nearly
+    all points are far, a rotation explains the flow of most matches, and the few near points are
+    rejected.
     """
     rejected = fit.probability < 0.5
     count, within = int(np.count_nonzero(rejected)), REJECTED_TOLERANCE_RATIO * tolerance
@@ -117,8 +118,9 @@ def _with_bounded_noise(
 def _from_far_points(
     matches: Matches, fit: GeneralMotionFit, tolerance: float, state: np.ndarray
 ) -> Iterator[GeneralMotionFit]:
-    """The closed form of 2008: rotation of the far points, and epipole of the flow of the near
-    points.
+    """Candidate by the closed form of 2008.
+
+    The rotation is that of the far points. The direction is the epipole of the near points' flow.
     """
     rotation = far_rotation(matches, tolerance, state)
     others = matches.select(~rotation.consistent)

@@ -1,4 +1,4 @@
-"""Largest sigma of a covariance, and its bounds for an observable rotation or direction."""
+"""Largest sigma of a covariance, and the largest sigma at which a rotation is observable."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def largest_sigma(covariance: np.ndarray) -> float:
 def direction_sigma(covariance: np.ndarray) -> float:
     """The worst 1-sigma, rad, of the direction of a motion with this covariance (5, 5).
 
-    The result equals `largest_sigma`, but is computed in closed form, because every motion needs
-    it.
+    The result equals `largest_sigma`, but the closed form is faster, and every motion needs this
+    sigma.
     """
     (xx, xy), (_, yy) = covariance[3:, 3:].tolist()
     half = 0.5 * (xx - yy)
@@ -28,7 +28,7 @@ def direction_sigma(covariance: np.ndarray) -> float:
 
 
 def fixes_rotation(rotation_covariance: np.ndarray) -> bool:
-    """Whether the largest sigma of a covariance (3, 3), rad^2, is below the bound."""
+    """Whether a rotation with this covariance (3, 3), rad^2, is certain enough to be observable."""
     xx, yy, zz = rotation_covariance.diagonal().tolist()
     trace = xx + yy + zz
     if trace < MAX_ROTATION_SIGMA**2:  # the sum of all eigenvalues

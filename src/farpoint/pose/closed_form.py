@@ -1,7 +1,8 @@
-"""The closed form of the paper: SVD of the far rays, mean of the pairwise intersections.
+"""The closed form of Burschka and Mair (2008), with a covariance.
 
-This estimate uses no likelihood and no iteration. It is the method of Burschka and Mair (2008),
-with a covariance from the scatter of the intersections, and serves as the baseline for the refined
+The rotation comes from an SVD of the far rays, and the direction is the mean of the pairwise
+intersections of derotated flow. The covariance comes from the scatter of the intersections. The
+closed form uses no likelihood and no iteration, and serves as the baseline for the refined
 estimate.
 """
 
@@ -33,7 +34,7 @@ def estimate_closed_form(
     state: np.ndarray,
     diagnostics: Diagnostics,
 ) -> RelativePose:
-    """Rotation of the far rays, then the direction from the flow of the near points."""
+    """Estimate the rotation from the far rays, then the direction from the near points' flow."""
     diagnostics.iterations = rotation.iterations
     R, far = rotation.R_cam1_from_cam0, rotation.consistent
     area_share = np.pi / 4.0 * (tolerance / matches.outlier_half_width) ** 2
@@ -84,7 +85,7 @@ def estimate_closed_form(
 def _flowing_to_one_direction(
     flowing: Matches, R: np.ndarray, tolerance: float, state: np.ndarray
 ) -> np.ndarray:
-    """Mask (N,) of the matches that agree with the direction that most of them flow towards."""
+    """Mask (N,) of the matches that agree with the direction towards which most matches flow."""
     everyone, t = np.arange(len(flowing)), np.empty(3)
     if len(flowing) < 3:
         return np.zeros(len(flowing), bool)
@@ -96,7 +97,10 @@ def _flowing_to_one_direction(
 def _scatter_of_rotation(
     matches: Matches, R: np.ndarray, far: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """Covariance (3, 3), rad^2, and noise per coordinate, from the residuals of the far rays."""
+    """Covariance (3, 3), rad^2, of the rotation, and 1-sigma noise of a match per coordinate.
+
+    The residuals of the far rays give the noise.
+    """
     rays1, weight = matches.rays1[far], matches.precision[far]
     residual = rays1 - matches.rays0[far] @ R.T
     freedom = max(2 * len(rays1) - 3, 1)
@@ -110,7 +114,7 @@ def _scatter_of_rotation(
 def _consistent_with(
     matches: Matches, R: np.ndarray, t: np.ndarray, tolerance: float
 ) -> np.ndarray:
-    """Mask (N,) of matches that flow towards ``t``, within the tolerance across."""
+    """Mask (N,) of matches that flow towards ``t``, with a residual within the tolerance."""
     rays1, rotated = matches.rays1, matches.rays0 @ R.T
     across = np.einsum("ni,ni->n", rays1, np.cross(t, rotated))
     length = np.linalg.norm(np.cross(t, rotated), axis=1)

@@ -1,4 +1,4 @@
-"""Competing motions: other modes of nearly the same likelihood, and the choice between them."""
+"""Competing motions: modes with nearly the same likelihood, and the choice between such modes."""
 
 from __future__ import annotations
 
@@ -49,16 +49,16 @@ ELSEWHERE = "Secondary mode: two motions explain the matches"
 
 
 class CompetingMotion(NamedTuple):
-    """A second motion that explains the matches.
+    """A second motion that explains the matches nearly as well as the first motion.
 
     Attributes
     ----------
     R_cam1_from_cam0 : ndarray, shape (3, 3)
     direction_cam1_from_cam0 : ndarray, shape (3,)
     log_ratio : float
-        Log-likelihood ratio of the first motion to this one.
+        Log-likelihood ratio of the first motion to this motion.
     cause : str
-        Reason for two modes.
+        Reason why the likelihood has two modes.
     """
 
     R_cam1_from_cam0: np.ndarray
@@ -67,21 +67,20 @@ class CompetingMotion(NamedTuple):
     cause: str
 
     def is_nearby(self, fit: GeneralMotionFit) -> bool:
-        """Whether the directions of both motions are about the same."""
+        """Whether this motion and ``fit`` have about the same direction."""
         return _cosine(self, fit) > COS_NEARBY
 
     def described_beside(self, fit: GeneralMotionFit) -> str:
-        """A sentence with the cause of the two motions and the angle between their directions."""
+        """A sentence that states the cause and the angle between the directions of both motions."""
         apart = math.acos(min(max(_cosine(self, fit), -1.0), 1.0))
         return f"{self.cause}, whose directions are {math.degrees(apart):.0f} deg apart."
 
     def covariance_beside(self, fit: GeneralMotionFit) -> np.ndarray:
-        """Covariance (5, 5), rad^2, of another motion, widened because this competing motion may be
-        the true one.
+        """Covariance (5, 5), rad^2, to add to ``fit`` because this motion may be the true motion.
 
-        The added term is the squared difference of the two motions times a probability; a share of
-        0.1 of the term is rotated by 90 degrees about the direction. The term is zero if the two
-        directions are far apart.
+        The added covariance is the squared difference between the two motions times the probability
+        of this motion. A share of 0.1 of the squared difference is rotated by 90 degrees about the
+        direction. The added covariance is zero if the two directions are far apart.
         """
         if _cosine(self, fit) < COS_SAME_MODE:
             return np.zeros((5, 5))
@@ -97,15 +96,16 @@ class CompetingMotion(NamedTuple):
         return self.probability(fit.matches.tempering, PLANE_TEMPERING) * mixed
 
     def rotation_covariance_beside(self, fit: GeneralMotionFit) -> np.ndarray:
-        """Covariance (3, 3), rad^2, of the rotation of another motion, widened because this
-        competing motion may be the true one.
+        """Covariance (3, 3), rad^2, to add to the rotation of ``fit`` because this motion may be
+        the true motion.
         """
         return covariance_between(self._turn_from(fit), self.probability(fit.matches.tempering))
 
     def probability(self, misspecification: float, tempering: float = LOG_RATIO_TEMPERING) -> float:
-        """Probability of this motion: ``1 / (1 + exp(tempering * log_ratio / factor))``.
+        """Probability of this motion.
 
-        A ``misspecification`` factor of the noise variance divides the log-likelihood ratio.
+        The probability is ``1 / (1 + exp(tempering * log_ratio / misspecification))``, where
+        ``misspecification`` is the misspecification factor of the noise variance.
         """
         return 1.0 / (1.0 + math.exp(min(tempering * self.log_ratio / misspecification, 700.0)))
 
@@ -116,8 +116,9 @@ class CompetingMotion(NamedTuple):
 def covariance_between(apart: np.ndarray, probability: float) -> np.ndarray:
     """Covariance (3, 3), rad^2, to add to a rotation if another rotation has this probability.
 
-    The squared rotation vector ``apart`` between the two rotations, times the probability: a share
-    of 0.9 along the vector, and 0.1 isotropic for a third rotation.
+    ``apart`` is the rotation vector between the two rotations. The covariance is the probability
+    times the squared length of ``apart``: a share of 0.9 along ``apart``, and an isotropic share of
+    0.1 for the case that a third rotation is the true one.
     """
     isotropic = float(apart @ apart) / 3.0 * np.eye(3)
     return probability * (
@@ -128,18 +129,19 @@ def covariance_between(apart: np.ndarray, probability: float) -> np.ndarray:
 def _cosine(
     one: CompetingMotion | GeneralMotionFit, other: CompetingMotion | GeneralMotionFit
 ) -> float:
-    """Of the angle between their directions."""
+    """Cosine of the angle between the directions of two motions."""
     return float(one.direction_cam1_from_cam0 @ other.direction_cam1_from_cam0)
 
 
 class ComparedModes(NamedTuple):
-    """The likeliest motion after comparison with the others.
+    """The likeliest motion after comparison with other motions.
 
     Attributes
     ----------
     fit : GeneralMotionFit
     covariance : ndarray, shape (5, 5)
-        Covariance of rotation and direction, rad^2, with the part by the second motion of a plane.
+        Covariance of rotation and direction, rad^2. If the matches lie on a plane, the difference
+        to the second motion of the plane is included.
     secondary_mode : CompetingMotion, optional
         Another mode that the data do not rule out.
     """
@@ -155,11 +157,12 @@ def compare_modes(
     pure_rotation: Callable[[], PureRotationFit],
     rate: float,
 ) -> ComparedModes:
-    """Compare a motion with the second motion of a plane, the modes of the search, and other
-    directions.
+    """Compare a motion with competing motions, and select the likeliest.
 
-    If the direction is uncertain, a search for other directions starts from the ``pure_rotation``.
-    A mode is ruled out at the false-alarm rate ``rate``.
+    The competing motions are the second motion of a plane, the secondary mode of the search, the
+    likeliest other candidate and, if the direction is uncertain, a mode in another direction. The
+    search for another direction starts from the ``pure_rotation``. A mode is ruled out at the
+    false-alarm rate ``rate``.
     """
     # A misspecified noise variance scales the log-likelihood ratio.
     limit = -fit.matches.tempering * math.log(rate)
@@ -186,7 +189,7 @@ def compare_modes(
 
 
 def _candidate_mode(fit: GeneralMotionFit) -> CompetingMotion | None:
-    """The likeliest other candidate, if the noise is large and the direction differs."""
+    """The likeliest other candidate of a fit with large noise; None if its direction is nearby."""
     if fit.candidate_mode is None:
         return None
     other = CompetingMotion(*fit.candidate_mode, ELSEWHERE)
@@ -194,23 +197,20 @@ def _candidate_mode(fit: GeneralMotionFit) -> CompetingMotion | None:
 
 
 def _within(limit: float, other: CompetingMotion | None) -> CompetingMotion | None:
-    """The other motion if its log-likelihood ratio is below the limit, else None."""
+    """The ``other`` motion if the log-likelihood ratio to it is below the limit, else None."""
     return other if other is not None and other.log_ratio < limit else None
 
 
 def likelier_of_plane(fit: GeneralMotionFit) -> tuple[GeneralMotionFit, CompetingMotion | None]:
     """The likelier and the less likely of two motions: the fit, and the second motion of a plane.
 
-    The second result is None if no plane explains the matches nearly as well, which is the usual
-    case.
+    The second result is usually None: no plane explains the matches nearly as well as the fit.
     """
     return _likelier(fit, _other_of_plane(fit) if fit.is_planar else None)
 
 
 def likelier_of_search(fit: GeneralMotionFit) -> tuple[GeneralMotionFit, CompetingMotion | None]:
-    """The likelier and the less likely of two motions: the fit, and the secondary mode of its
-    search.
-    """
+    """The likelier and the less likely of two motions: the fit, and the search's second mode."""
     if fit.secondary_mode is None:
         return fit, None
     R, t = (each.copy() for each in fit.secondary_mode)
@@ -224,9 +224,9 @@ def likelier_in_other_direction(
 ) -> tuple[GeneralMotionFit, CompetingMotion | None]:
     """The likelier and the less likely of two motions: the fit, and a mode in another direction.
 
-    The search for another direction is repeated for the likelier motion, up to `ROUNDS` times. If
-    each round finds a likelier motion again, or residuals and parallax contradict each other, both
-    motions count as equally likely.
+    If the search finds a likelier motion, the search is repeated from that motion, up to
+    `OUTER_ROUNDS` times. If every round finds a likelier motion, or if residuals and parallax
+    prefer different motions, the last two motions count as equally likely.
     """
     # Two modes that exchange translation and rotation have the pure rotation half-way between them.
     middle, other = pure_rotation().R_cam1_from_cam0, None
@@ -246,14 +246,14 @@ def _likelier(
 ) -> tuple[GeneralMotionFit, CompetingMotion | None]:
     """The likelier and the less likely of two motions, by residuals and parallax of all matches.
 
-    The log-likelihood ratio to the other motion comes from the residuals (for a plane, from its
-    relief), and may be due to chance or to correlated outliers. So the other motion is fitted to
-    all matches, too, and the gain by their parallax must exceed the tempered ratio. If residuals
-    and parallax contradict each other, or the second fit returns to the first motion, both count as
-    equally likely.
+    The log-likelihood ratio to the other motion comes from the residuals or, for a plane, from the
+    points off the plane. This ratio may be due to chance or to correlated outliers. The other
+    motion is therefore fitted to all matches, too, and must gain more likelihood by the parallax of
+    the matches than the tempered ratio. If residuals and parallax prefer different motions, or if
+    the fit of the other motion converges to the first motion, both motions count as equally likely.
 
-    Parallax has less information if the flow is mostly noise, and for a plane, because a plane is
-    one surface.
+    The required gain is larger where parallax has less information: if the flow is mostly noise,
+    and for a plane, because all points lie on one surface.
     """
     limit = fit.matches.misspecification * min(
         MAX_EVALUATED_LOG_RATIO, EVALUATED_LOG_RATIO_PER_MATCH * len(fit.matches)
@@ -281,11 +281,11 @@ def _likelier(
 
 
 def _tempered_log_likelihood(fit: GeneralMotionFit) -> float:
-    """Log likelihood with the parallax prior tempered to its effective sample size.
+    """Log likelihood in which the parallax prior counts for fewer matches than there are.
 
     The parallax prior of a match is estimated from the other matches, and matches of one surface
-    are correlated. The log likelihood includes the sign of the direction: with the opposite motion
-    most points would lie behind the cameras.
+    are correlated, so the effective number of matches is smaller. The log likelihood includes the
+    sign of the direction: with the opposite direction most points would lie behind the cameras.
     """
     n = len(fit.matches)
     by_prior = float(fit.probability @ np.log(fit.per_match[0, :n]))
@@ -319,13 +319,14 @@ def _competing(pose: Pose, log_ratio: float, cause: str) -> CompetingMotion:
 
 
 def _packed_subsample(fit: GeneralMotionFit, most: int) -> PackedMatches:
-    """An even subsample of the matches in the format of the kernels, without the soft cheirality
-    penalty.
+    """At most ``most`` evenly spaced matches in the format of the kernels.
+
+    The soft cheirality penalty is switched off.
     """
     part = fit.matches.subsample(most)
     return part.packed(part.weights(), soft_cheirality=False)
 
 
 def _empty_pose() -> Pose:
-    """Output buffers of the kernels for a pose."""
+    """Buffers in which the kernels return a pose."""
     return Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))

@@ -1,4 +1,4 @@
-"""The result of each status, with its reason."""
+"""Functions that build the result for each status, with the reason of the status."""
 
 from __future__ import annotations
 
@@ -30,7 +30,8 @@ __all__ = [
 class Diagnostics:
     """Diagnostics of an estimate, collected stage by stage.
 
-    The time of a stage ends when the next stage begins. Notes are appended to the reason.
+    The time of a stage ends when the next stage begins. Notes are appended to the ``reason`` of the
+    result.
     """
 
     notes: tuple[str, ...] = ()
@@ -49,7 +50,7 @@ class Diagnostics:
         self.notes += (sentence,)
 
     def time_stage(self, stage: str) -> None:
-        """Add the time since the last call to ``stage``."""
+        """Add the time since the last call of this function to the time of ``stage``."""
         now = time.perf_counter()
         setattr(self, stage, getattr(self, stage) + now - self._since)
         self._since = now
@@ -58,7 +59,7 @@ class Diagnostics:
 def label_matches(
     matches: Matches, inlier: np.ndarray, near: np.ndarray | None = None
 ) -> np.ndarray:
-    """Labels (total,) of all given matches, from masks (N,) over the matches used."""
+    """Labels (total,) of all given matches, from two masks (N,) of the matches that are used."""
     labels = inlier.astype(np.uint8)  # TrackLabel.FAR is 1, NEAR 2
     if near is not None:
         labels += inlier & near
@@ -66,7 +67,7 @@ def label_matches(
 
 
 def full_labels(matches: Matches, labels: np.ndarray) -> np.ndarray:
-    """Labels (total,) of all given matches, from the labels (N,) of the matches used."""
+    """Labels (total,) of all given matches, from the labels (N,) of the matches that are used."""
     if len(labels) == matches.total:
         return labels
     full = np.full(matches.total, TrackLabel.OUTLIER, np.uint8)
@@ -75,7 +76,7 @@ def full_labels(matches: Matches, labels: np.ndarray) -> np.ndarray:
 
 
 def no_consensus(matches: Matches, agreeing: int, diagnostics: Diagnostics) -> RelativePose:
-    """FAILED pose: as many matches may agree with the best motion by chance."""
+    """FAILED pose: so few matches agree with the best motion that chance may be the reason."""
     return failed_pose(
         f"No consensus: the best motion has {agreeing} inliers of {len(matches)} matches, "
         "no more than chance.",
@@ -85,7 +86,7 @@ def no_consensus(matches: Matches, agreeing: int, diagnostics: Diagnostics) -> R
 
 
 def undetermined_rotation(matches: Matches, diagnostics: Diagnostics) -> RelativePose:
-    """FAILED pose: the inliers are too few, at one point, or on a line."""
+    """FAILED pose: the inliers are too few, or all lie at one point or on one line."""
     return failed_pose(
         f"Rotation not observable: the inliers among {len(matches)} matches are too few or too "
         "close together in the image.",
@@ -104,10 +105,10 @@ def observed(
     diagnostics: Diagnostics,
     detail: str = "",
 ) -> RelativePose:
-    """OK pose with rotation, direction and covariance; ``sigma`` is the largest 1-sigma of the
-    direction, rad.
+    """OK pose with rotation, direction and covariance.
 
-    ``detail`` is a further sentence of the reason.
+    ``largest_direction_sigma`` is the largest 1-sigma of the direction, rad. ``detail`` is a
+    further sentence of the reason.
     """
     stats = _stats(labels, diagnostics)
     first, second = tangent_columns(tuple(direction.tolist()))
@@ -131,7 +132,7 @@ def observed(
 
 
 def with_covariance(pose: RelativePose, covariance: np.ndarray) -> RelativePose:
-    """The OK pose with another covariance (5, 5), rad^2, and with the new 1-sigma in the reason."""
+    """The OK pose with a new covariance (5, 5), rad^2; the reason states the new 1-sigma."""
     assert pose.covariance is not None
     before, after = (_sigma_text(direction_sigma(C)) for C in (pose.covariance, covariance))
     return replace(
@@ -155,7 +156,7 @@ def without_direction(
     noise: float,
     diagnostics: Diagnostics,
 ) -> RelativePose:
-    """ROTATION_ONLY or STATIC: rotation with covariance, no direction."""
+    """ROTATION_ONLY or STATIC pose, which has a rotation with covariance but no direction."""
     return RelativePose(
         status=status,
         reason=_joined(reason, *diagnostics.notes),
@@ -173,7 +174,7 @@ def without_direction(
 def failed_pose(
     reason: str, total: int = 0, diagnostics: Diagnostics | None = None
 ) -> RelativePose:
-    """FAILED pose without any quantity; all of the ``total`` given matches are OUTLIER."""
+    """FAILED pose without rotation and direction. All ``total`` given matches are OUTLIER."""
     labels = np.full(total, TrackLabel.OUTLIER, np.uint8)
     return RelativePose(
         status=PoseStatus.FAILED,
@@ -190,7 +191,7 @@ def failed_pose(
 
 
 def _joined(*sentences: str) -> str:
-    """The sentences that are not empty, in one line."""
+    """All non-empty sentences in one line."""
     return " ".join(filter(None, sentences))
 
 

@@ -16,12 +16,12 @@ __all__ = ["count_residual_correlation"]
 def count_residual_correlation(
     matches: Matches, fit: GeneralMotionFit
 ) -> tuple[Matches, GeneralMotionFit]:
-    """The matches and their fit with the design effect of correlated residuals.
+    """The matches and the fit, both with the design effect of correlated residuals.
 
-    The design effect is used for matches without given covariances only. N matches of a few
-    surfaces carry less information than N independent matches: without the design effect the
-    covariance, the evidence for translation and the odds of two motions are overconfident. Above
-    `GATE_SIGMA` the noise counts as misspecified.
+    The design effect is used only for matches without given covariances. N matches of a few
+    surfaces carry less information than N independent matches. Without the design effect the
+    covariance, the evidence for translation and the odds of two motions would be overconfident. If
+    the z-score of the correlation exceeds `GATE_SIGMA`, the noise counts as misspecified.
     """
     if matches.misspecification > 1.0 or fit.neighbours.z_score < CORRELATED_Z:
         return matches, fit

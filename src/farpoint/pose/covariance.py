@@ -1,4 +1,4 @@
-"""Covariance of rotation and direction, and its inflation by correlated residuals."""
+"""Covariance of rotation and direction, and factors on the covariance for correlated residuals."""
 
 from __future__ import annotations
 
@@ -52,11 +52,12 @@ __all__ = [
 def general_motion_covariance(fit: GeneralMotionFit) -> np.ndarray:
     """Covariance (5, 5) of ``[dtheta, dbeta]``, rad^2, in the `tangent_basis` of the direction.
 
-    The sandwich ``H^-1 V H^-1`` of the Hessian H of the expected negative log likelihood and the
-    variance V of its gradient. Because the depths are estimated too, the Gauss-Newton matrix counts
-    noise in the flow as flow; H corrects this. V is a weighted mean of the Gauss-Newton matrix,
-    correct under the estimated noise, and the scatter of the gradient over the matches, correct
-    under any noise; the weight of the scatter grows with the number of matches.
+    The covariance is the sandwich ``H^-1 V H^-1``. H is the Hessian of the expected negative log
+    likelihood, and V is the variance of the gradient. Because the depths are also estimated, the
+    Gauss-Newton matrix counts noise in the flow as flow. H is corrected for this noise. V is a
+    weighted mean of two matrices: the Gauss-Newton matrix, which is correct if the noise model is
+    true, and the scatter of the gradient over the matches, which is correct for any noise. The
+    weight of the scatter grows with the number of matches.
 
     If the direction is uncertain, H depends on the pose: a small error of the rotation lengthens
     all flow and increases the information. The covariance is then averaged over the poses within
@@ -69,13 +70,13 @@ def general_motion_covariance(fit: GeneralMotionFit) -> np.ndarray:
 
 
 def split_half_ratio(fit: GeneralMotionFit, splits: int) -> float | None:
-    """Squared difference of the poses by two halves of the matches, over its expected value.
+    """Squared difference between the poses from two halves of the matches, over its expectation.
 
-    Tracks of one surface have correlated errors. Then the poses by two halves differ by more than
-    their covariances predict (delete-d jackknife: Shao and Wu, Ann. Stat. 17, 1989, DOI
-    10.1214/aos/1176347263). Whole patches stay in one half, because neighbours are not independent
-    (Künsch, Ann. Stat. 17, 1989, DOI 10.1214/aos/1176347265). The result is the mean over random
-    ``splits``; None without splits or for few matches.
+    If tracks of one surface have correlated errors, the poses from two halves differ by more than
+    the covariances of the poses predict (delete-d jackknife: Shao and Wu, Ann. Stat. 17, 1989, DOI
+    10.1214/aos/1176347263). A patch is never split, because neighbouring matches are not
+    independent (Künsch, Ann. Stat. 17, 1989, DOI 10.1214/aos/1176347265). The result is the mean
+    over random ``splits``; None without splits or for few matches.
     """
     matches = fit.matches
     if not _can_split(matches, splits) or not math.isfinite(fit.covariance[0, 0]):
@@ -93,10 +94,10 @@ def split_half_ratio(fit: GeneralMotionFit, splits: int) -> float | None:
 def split_half_ratio_of_rotation(
     matches: Matches, fit: PureRotationFit, splits: int
 ) -> float | None:
-    """`split_half_ratio` of pure rotations.
+    """`split_half_ratio` for a pure rotation.
 
-    A split with a half that determines no rotation is left out. The result is 1 if all splits are
-    left out.
+    A split is left out if one of the halves determines no rotation. The result is 1 if all splits
+    are left out.
     """
     if not _can_split(matches, splits):
         return None
@@ -124,8 +125,8 @@ def _can_split(matches: Matches, splits: int) -> bool:
 def inflation_by_halves(ratio: float | None, expected: float, freedom: int) -> float:
     """Factor on the covariance: mean of the measured and the expected split-half ratio.
 
-    The mean of both ratios, weighted by degrees of freedom; the measured ratio has ``freedom`` over
-    all splits.
+    The two ratios are weighted by degrees of freedom. ``freedom`` is the number of degrees of
+    freedom of the measured ratio, summed over all splits.
     """
     if ratio is None:
         return expected
@@ -135,8 +136,9 @@ def inflation_by_halves(ratio: float | None, expected: float, freedom: int) -> f
 
 
 def mean_split_half_ratio(ratio: float | None, expected: float, pairs: int) -> float:
-    """Mean of the `split_half_ratio` of this pair and the ``expected`` ratio of ``pairs`` earlier
-    pairs.
+    """Mean split-half ratio of this pair of views and of ``pairs`` earlier pairs.
+
+    ``expected`` is the mean ratio of the earlier pairs.
     """
     if ratio is None:
         return expected
@@ -146,11 +148,11 @@ def mean_split_half_ratio(ratio: float | None, expected: float, pairs: int) -> f
 def inflation_beyond_patches(ratio: float | None, options: RelativePoseOptions) -> float:
     """Factor on the covariance for errors that are correlated beyond a patch.
 
-    Both halves share these errors, so the errors cancel in the difference of the halves. Errors of
-    a video codec are correlated over all lengths, from a block to the image, and their variance is
-    proportional to the part that the halves show: ``f = 1 + slope * min(mean - 1.08, 1)``, at least
-    1. ``mean`` is the mean ratio of many pairs, because the ratio of one pair has a large sampling
-    error.
+    Both halves of the matches share such errors, so the errors cancel in the difference between the
+    halves. Errors of a video codec are correlated over all lengths, from a block to the image. The
+    variance of the errors that cancel is taken as proportional to the variance that the split-half
+    ratio shows. The factor is ``1 + slope * min(mean - 1.08, 1)``, at least 1. ``mean`` is the mean
+    ratio of many pairs of views, because the ratio of one pair has a large sampling error.
     """
     expected, pairs = options.expected_half_ratio, options.expected_half_ratio_pairs
     excess = mean_split_half_ratio(ratio, expected, pairs) - UNCOMPRESSED_SPLIT_RATIO
@@ -160,9 +162,10 @@ def inflation_beyond_patches(ratio: float | None, options: RelativePoseOptions) 
 def inflation_between_patches(fit: GeneralMotionFit) -> float:
     """Factor on the covariance for correlated residuals of neighbouring patches.
 
-    Surfaces that are each consistent with another motion give the likelihood one mode each. Halves
-    are refined from the same mode and stay near it; other matches of the same scene might lead to
-    another. The same holds where the dominant motion replaced a likelier merged mode.
+    If surfaces of the scene are consistent with different motions, the likelihood has several
+    modes. The poses from both halves are refined from the same mode and stay near this mode, but
+    other matches of the same scene might lead to another mode. The split-half ratio does not show
+    this uncertainty. The same holds if the dominant motion replaced a likelier merged mode.
     """
     matches, inlier = fit.matches, np.flatnonzero(fit.probability > 0.5)
     patch = patches_of(matches.rays0)
@@ -174,7 +177,7 @@ def inflation_between_patches(fit: GeneralMotionFit) -> float:
 
 
 def _averaged(fit: GeneralMotionFit, covariance: np.ndarray) -> np.ndarray:
-    """Mean of the covariance over the poses within it."""
+    """Mean of the covariance over the poses within one sigma of the given covariance."""
     averaged, inliers = np.empty((5, 5)), float(np.add.reduce(fit.probability))
     matches = fit.matches
     point = linearisation_point(fit, matches.outlier_half_width, matches.pairs, fit.per_match[0])
@@ -185,7 +188,8 @@ def _averaged(fit: GeneralMotionFit, covariance: np.ndarray) -> np.ndarray:
 def shared_covariance(matches: Matches, sigma: float) -> np.ndarray:
     """Covariance (3, 3), rad^2, of the rotation due to an error that is common to all matches.
 
-    ``sigma`` is the 1-sigma displacement of a typical match by this error, in units of the noise.
+    ``sigma`` is the 1-sigma of the displacement of a typical match by the common error, in units of
+    the noise.
     """
     if sigma == 0.0:
         return np.zeros((3, 3))

@@ -16,17 +16,18 @@ __all__ = ["EpipoleEstimate", "mean_epipole"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EpipoleEstimate:
-    """Weighted mean of the pairwise intersections and its scatter.
+    """Direction of translation: the weighted mean of the pairwise intersections.
 
     Attributes
     ----------
     direction_cam1_from_cam0 : ndarray, shape (3,)
-        Unit vector that near points flow towards.
+        Unit vector towards which near points flow.
     basis : ndarray, shape (3, 2)
         Tangent basis at the direction.
     covariance : ndarray, shape (2, 2)
-        rad^2 in ``basis``, by the jackknife over matches, because all intersections of one match
-        share its error.
+        Covariance of the direction in ``basis``, rad^2. The covariance is estimated by the
+        jackknife over matches, because all intersections with one match share the error of that
+        match.
     """
 
     direction_cam1_from_cam0: np.ndarray
@@ -37,11 +38,12 @@ class EpipoleEstimate:
 def mean_epipole(
     matches: Matches, R_cam1_from_cam0: np.ndarray, saturation: float, supports: np.ndarray
 ) -> EpipoleEstimate | None:
-    """Mean of all pairwise great-circle intersections, each with weight and sign.
+    """Weighted mean of the intersections of all pairs of great circles, with signs.
 
-    The paper intersects lines in the image. On the sphere, an epipole at 90 degrees or behind the
-    camera is an ordinary case. The cross product weighs a pair of great circles by the sine of the
-    angle between them.
+    A derotated match moves along a great circle. The paper intersects lines in the image instead.
+    On the sphere, an epipole at 90 degrees from the optical axis or behind the camera is no special
+    case. The cross product of two normals weighs the intersection of two great circles by the sine
+    of the angle between the circles.
 
     Parameters
     ----------
@@ -49,14 +51,15 @@ def mean_epipole(
     R_cam1_from_cam0 : ndarray, shape (3, 3)
         Rotation that is removed from the flow.
     saturation : float
-        Flow length L, in units of the noise's coordinate: weights are ``min(l / L, 1)``.
+        Flow length L in the unit of the noise, px or ``noise_rad``. A match with flow of length l
+        has the weight ``min(l / L, 1)``.
     supports : ndarray of bool, shape (N,)
         Matches to use.
 
     Returns
     -------
     EpipoleEstimate or None
-        None if fewer than three matches have flow, or all flow is along one great circle.
+        None if fewer than three matches have flow, or if all flow is along one great circle.
     """
     rays0, rays1 = matches.rays0, matches.rays1
     flow = np.linalg.norm(rays1 - rays0 @ R_cam1_from_cam0.T, axis=1)

@@ -1,4 +1,4 @@
-"""Rotation from far points (eqs. 7-13): RANSAC on direction vectors, SVD, stepwise enlargement."""
+"""Rotation from far points (eqs. 7-13): RANSAC on unit rays, then refits with an SVD."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["FarRotation", "far_rotation"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FarRotation:
-    """The rotation with which most matches agree, and these matches.
+    """The rotation with which most matches agree, and the matches that agree.
 
     Attributes
     ----------
@@ -23,7 +23,7 @@ class FarRotation:
     consistent : ndarray of bool, shape (N,)
         Matches that move by the rotation alone, within the tolerance.
     iterations : int
-        Samples drawn.
+        Number of samples drawn.
     """
 
     R_cam1_from_cam0: np.ndarray
@@ -42,11 +42,11 @@ def far_rotation(
     Parameters
     ----------
     matches : Matches
-        At least three.
+        At least three matches.
     tolerance : float
         Largest residual per coordinate of a consistent match, in units of the noise.
     state : ndarray of uint64, shape (1,)
-        Random state, advanced.
+        Random state, which the function advances.
     max_iterations : int
         Largest number of samples.
     """

@@ -1,8 +1,8 @@
-"""The general motion: rotation and direction of translation, fitted to their maximum likelihood.
+"""The general motion: rotation and direction of translation with the maximum likelihood.
 
-In the essential-matrix model, a match is free along its epipolar line. Inliers have normal noise of
-unknown scale with a heavy tail. EM estimates the noise scale and the outlier share together with
-the motion.
+In the essential-matrix model, a match may lie anywhere along its epipolar line. Inliers have normal
+noise of unknown scale with a heavy tail. EM estimates the noise scale and the outlier share
+together with the motion.
 """
 
 from __future__ import annotations
@@ -54,17 +54,17 @@ __all__ = [
 
 
 class ResidualCorrelation(NamedTuple):
-    """Correlation of the residuals of inliers with those of their neighbours.
+    """Correlation between the residuals of neighbouring inliers.
 
     Attributes
     ----------
     correlation : float
-        0 for few inliers.
+        Correlation coefficient; 0 for few inliers.
     z_score : float
-        z-score of the correlation, under independent noise.
+        z-score of the correlation under the hypothesis of independent noise.
     design_effect : float
-        Variance of sums of residuals over parts of the image, over that of independent residuals;
-        1 where independence is plausible.
+        Variance of sums of residuals over parts of the image, divided by the variance of such sums
+        for independent residuals; 1 if independence is plausible.
     """
 
     correlation: float
@@ -73,7 +73,7 @@ class ResidualCorrelation(NamedTuple):
 
 
 class Start(NamedTuple):
-    """Initial values of a refinement: the known fields of a `GeneralMotionFit`."""
+    """Initial values of a refinement; the fields have the meaning of `GeneralMotionFit`."""
 
     R_cam1_from_cam0: np.ndarray
     direction_cam1_from_cam0: np.ndarray
@@ -86,7 +86,7 @@ class Start(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GeneralMotionFit:
-    """Rotation and direction of translation.
+    """Rotation and direction of translation, fitted to matches.
 
     Attributes
     ----------
@@ -96,18 +96,19 @@ class GeneralMotionFit:
     matches : Matches
         The matches that were fitted.
     per_match : ndarray, shape (4, at least N)
-        Prior by the parallax density, `residual`, `parallax` and `probability`, as the kernels
-        take them.
+        Four rows in the format of the kernels: prior by the parallax density, `residual`,
+        `parallax` and `probability`.
     labels : ndarray of uint8, shape (N,)
-        0 for an outlier, 2 for a match with parallax beyond the noise, else 1.
+        0 for an outlier, 2 for a match with parallax beyond the noise, 1 for any other match.
     covariance : ndarray, shape (5, 5)
         Covariance of rotation and direction at this pose; infinite if the matches fix no rotation.
     has_shrunk_flow : bool
-        Whether the covariance is by the shrunk flow (BLUP), because much of the flow is noise.
+        Whether the covariance was computed with shrunk flow (BLUP), because much of the flow is
+        noise.
     shows_direction : bool
-        Whether enough of the flow is signal.
+        Whether the share of signal in the flow is large enough for a direction.
     iterations : int
-        Joint hypotheses tried.
+        Number of joint hypotheses tried.
     is_planar : bool
         Whether the second motion of a plane may have nearly the same likelihood.
     secondary_mode : tuple of ndarray, shapes (3, 3) and (3,), or None
@@ -117,23 +118,24 @@ class GeneralMotionFit:
     far_rotation_cam1_from_cam0 : ndarray, shape (3, 3)
         Initial rotation of the search: the rotation of the far points.
     laplace_factor : float
-        Negative logarithm of the Laplace (Occam) factor: log likelihood of all matches at the mode
-        minus its average over the poses nearby.
+        Negative logarithm of the Laplace (Occam) factor: the log likelihood of all matches at the
+        mode minus the log likelihood averaged over nearby poses.
     agreeing : int
-        Matches that are no outliers.
+        Number of matches that are not outliers.
     sign_log_odds : float
-        Log odds of the direction to its opposite.
+        Log odds of the direction against the opposite direction.
     log_odds : float
-        Log odds of the motion to all matches being outliers.
+        Log odds of the motion against the hypothesis that all matches are outliers.
     beyond_rotation, supporting : int
-        Number of inliers in the search that contradict every rotation that may fit, and of all
-        inliers in the search.
+        Number of inliers in the search that contradict every rotation that may fit, and number of
+        all inliers in the search.
     merged_mode_correlation : float
-        Residual correlation of a likelier motion that was judged a merged mode, between this motion
-        and another; else 0.
+        Residual correlation of a likelier motion that was rejected as a merged mode between this
+        motion and another motion; 0 if there is no such motion.
     candidate_mode : tuple of ndarray, shapes (3, 3) and (3,), and float, or None
-        Rotation and direction, cam1_from_cam0, of the likeliest other candidate where noise is
-        large, and the log-likelihood ratio of this motion to it, at least 0.
+        Rotation and direction, cam1_from_cam0, of the likeliest other candidate, and the
+        log-likelihood ratio, at least 0, of this motion to that candidate. None if the noise is
+        small.
     """
 
     R_cam1_from_cam0: np.ndarray
@@ -162,7 +164,7 @@ class GeneralMotionFit:
     def at(
         self, R_cam1_from_cam0: np.ndarray, direction_cam1_from_cam0: np.ndarray
     ) -> GeneralMotionFit:
-        """Another motion with the same noise: the start of a refinement."""
+        """The start of a refinement from another motion, with the noise of this fit."""
         return replace(
             self,
             R_cam1_from_cam0=R_cam1_from_cam0,
@@ -171,17 +173,17 @@ class GeneralMotionFit:
 
     @property
     def log_likelihood(self) -> float:
-        """Of all matches, averaged over the poses nearby."""
+        """Log likelihood of all matches, averaged over nearby poses."""
         return -self.cost * len(self.matches) - self.laplace_factor
 
     @property
     def sign_probability(self) -> float:
-        """Probability of the direction against its opposite."""
+        """Probability of the direction as compared with the opposite direction."""
         return 1.0 / (1.0 + math.exp(-min(max(self.sign_log_odds, -700.0), 700.0)))
 
     @cached_property
     def neighbours(self) -> ResidualCorrelation:
-        """How the residuals of neighbouring inliers are correlated."""
+        """Correlation between the residuals of neighbouring inliers."""
         count, sigma = len(self.matches), self.noise.sigma
         return ResidualCorrelation(
             *correlation_and_design_effect(
@@ -196,10 +198,10 @@ class GeneralMotionFit:
 
     @property
     def parallax(self) -> np.ndarray:
-        """Signed shift (N,) along the epipolar line, towards the direction.
+        """Signed shift (N,) along the epipolar line, positive towards the direction.
 
-        The distance from the rotation's prediction without the part of the residual, in units of
-        its own noise for unit noise.
+        The shift is measured from the position that the rotation predicts, in units of the 1-sigma
+        of the shift for unit noise. The residual across the line is not part of the shift.
         """
         return self.per_match[2, : len(self.matches)]
 
@@ -212,13 +214,13 @@ class GeneralMotionFit:
 def fit_general_motion(
     matches: Matches, tolerance: float, options: RelativePoseOptions, state: np.ndarray
 ) -> GeneralMotionFit:
-    """Maximum-likelihood rotation and direction, searched for from the far rotation.
+    """Maximum-likelihood rotation and direction, by a search that starts from the far rotation.
 
-    The direction of the derotated flow is refined jointly with the rotation. This first answer is a
-    local maximum if there are no far points, or if a rotation can imitate the parallax. It is
-    therefore compared with five-ray hypotheses. If the search used a part of the matches and two
-    modes have nearly the same likelihood, all matches decide; the second mode must be clearly
-    likelier.
+    The direction of the derotated flow is refined jointly with the rotation. The result of this
+    refinement is a local maximum if there are no far points, or if a rotation can imitate the
+    parallax. It is therefore compared with five-ray hypotheses. If the search used only a part of
+    the matches and found two modes of nearly the same likelihood, both modes are compared by all
+    matches, and the second mode is selected only if it is clearly likelier.
     """
     n = len(matches)
     found = _empty_buffers(n)
@@ -250,10 +252,9 @@ def fit_with_bounded_noise(
     options: RelativePoseOptions,
     state: np.ndarray,
 ) -> GeneralMotionFit:
-    """Fit of a part of the matches by `fit_general_motion`, with a bounded noise scale and few
-    samples.
+    """`fit_general_motion` of a part of the matches, with a bounded noise scale and few samples.
 
-    ``variance`` is the upper bound of the noise variance, in squared units of the matches' noise;
+    ``variance`` is the upper bound of the noise variance, in squared units of the matches' noise.
     ``samples`` is the largest number of samples.
     """
     least, most = (min(n, samples) for n in (options.min_iterations, options.max_iterations))
@@ -263,32 +264,31 @@ def fit_with_bounded_noise(
 
 
 def is_clearly_likelier(fit: GeneralMotionFit, other: GeneralMotionFit) -> bool:
-    """Whether a fit is likelier than another fit by more than the margin below which modes are
-    compared.
-    """
+    """Whether a fit is likelier than another fit by more than `MODE_MARGIN`."""
     return is_likelier(fit, other, by=MODE_MARGIN)
 
 
 def is_likelier(fit: GeneralMotionFit, other: GeneralMotionFit, by: float = 0.0) -> bool:
-    """Whether a fit is likelier than another fit to the same matches, by parallax and by its
-    ratios.
+    """Whether a fit is likelier than another fit to the same matches by more than ``by``.
 
-    The prior of a match is a density of its parallax. If a rotation absorbs a part that is common
-    to all matches, all parallax shrinks and this density grows. A density of the ratios of parallax
-    does not grow.
+    The fit must be likelier under two priors. One prior of a match is the density of the parallax.
+    If a rotation absorbs parallax that is common to all matches, all parallax becomes smaller and
+    this density becomes larger. The other prior is the density of ratios of parallax, which does
+    not change with the size of the parallax.
     """
     by_parallax = fit.log_likelihood - other.log_likelihood
     return min(by_parallax, by_parallax + _log_ratios(fit) - _log_ratios(other)) > by
 
 
 def _log_ratios(fit: GeneralMotionFit) -> float:
-    """Logarithm of two ratios of densities: one of all parallax, one of the ratios of parallax."""
+    """Log ratio between the density of the ratios of parallax and the density of the parallax."""
     return float(fit.probability @ np.log(np.hypot(fit.parallax / fit.noise.sigma, GATE_SIGMA)))
 
 
 def refit_general_motion(matches: Matches, fit: GeneralMotionFit | Start) -> GeneralMotionFit:
-    """Fit to the same matches, or to the same with another noise model, that starts from an earlier
-    fit.
+    """Refine an earlier fit with the same matches.
+
+    The noise model of the matches may differ from that of the earlier fit.
     """
     found = _empty_buffers(len(matches))._replace(
         R_far=fit.far_rotation_cam1_from_cam0,
@@ -303,7 +303,7 @@ def refit_general_motion(matches: Matches, fit: GeneralMotionFit | Start) -> Gen
 
 
 def start_at(pose: RelativePose) -> Start:
-    """A result with a direction as the start of a fit."""
+    """The start of a fit from a result that has a direction."""
     R, t, noise = pose.rotation_cam1_from_cam0, pose.direction_cam1_from_cam0, pose.noise_px
     assert R is not None
     assert t is not None
@@ -314,7 +314,7 @@ def start_at(pose: RelativePose) -> Start:
 
 
 def evaluate_matches(matches: Matches, fit: GeneralMotionFit | Start) -> np.ndarray:
-    """Residual, parallax and inlier probability (3, N) of any matches under the fitted motion.
+    """Residual, parallax and inlier probability (3, N) of the given matches under a fitted motion.
 
     The function calls `likelihood.evaluate_residuals` with the noise of these matches and a uniform
     prior along the epipolar lines.
@@ -328,7 +328,7 @@ def evaluate_matches(matches: Matches, fit: GeneralMotionFit | Start) -> np.ndar
 def linearisation_point(
     fit: GeneralMotionFit | Start, half_width: float, pairs: np.ndarray, prior: np.ndarray
 ) -> LinearisationPoint:
-    """Motion, noise and matches with their prior, for the kernels."""
+    """Motion, noise, matches and the prior of each match, in the format of the kernels."""
     noise = fit.noise
     return LinearisationPoint(
         pairs,
@@ -342,7 +342,7 @@ def linearisation_point(
 
 
 def packed_pose(fit: GeneralMotionFit) -> Pose:
-    """The motion, as the kernels take it."""
+    """The motion in the format of the kernels."""
     R, t = fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0
     return Pose(R, t, fit.noise.array, np.empty((6, 6)), np.empty(1))
 
@@ -350,15 +350,15 @@ def packed_pose(fit: GeneralMotionFit) -> Pose:
 def _least_signal(matches: Matches) -> float:
     """Least share of signal in the flow with which a direction is observable.
 
-    The least share is larger if the noise may be misspecified: 50 % of the misspecification factor
-    on sigma is allowed for.
+    The least share is larger if the noise may be misspecified. The assumed noise is then multiplied
+    by a factor halfway between 1 and the square root of the misspecification factor.
     """
     sigma = 0.5 * (1.0 + math.sqrt(matches.misspecification))
     return 1.0 - MAX_FLOW_NOISE_SHARE / (sigma * sigma)
 
 
 def _packed(matches: Matches, found: MotionBuffers) -> PackedMatches:
-    """The matches in the format of the kernels, which write the parallax prior into ``found``."""
+    """The matches in the format of the kernels, which write the parallax prior to ``found``."""
     return matches.packed(found.per_match[0], soft_cheirality=True)
 
 

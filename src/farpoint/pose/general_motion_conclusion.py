@@ -1,6 +1,4 @@
-"""Conclusion from a general motion: the mode, the covariance, and whether the direction is
-observable.
-"""
+"""Result of a general motion: choice of the mode, covariance, and test of the direction."""
 
 from __future__ import annotations
 
@@ -52,9 +50,9 @@ def conclude_general_motion(
     options: RelativePoseOptions,
     diagnostics: Diagnostics,
 ) -> RelativePose:
-    """Result by the general motion fitted or a likelier competing one.
+    """Result from the fitted general motion, or from a likelier competing motion.
 
-    ``pure_rotation`` is called if the pure rotation is needed.
+    ``pure_rotation`` is called only if the pure rotation is needed.
     """
     rate = options.false_alarm_rate
     fit, of_plane = likelier_of_plane(fit)
@@ -98,7 +96,7 @@ def _inflated_covariance(
     options: RelativePoseOptions,
     diagnostics: Diagnostics,
 ) -> np.ndarray:
-    """Covariance (5, 5), rad^2, with the inflation by correlated residuals and common errors."""
+    """Covariance (5, 5), rad^2, inflated for correlated residuals and common errors."""
     ratio = diagnostics.split_half_ratio = split_half_ratio(modes.fit, options.half_splits)
     inflation = inflation_by_halves(ratio, options.expected_half_ratio, 5 * options.half_splits)
     # The design effect and the correlation of patches measure the same correlation.
@@ -112,13 +110,14 @@ def _inflated_covariance(
 
 
 class Unobservable(NamedTuple):
-    """A direction that is not observable.
+    """Why a direction is not observable, and the effect on the rotation.
 
     Attributes
     ----------
     reason : str
+        A sentence for a human reader.
     covariance : ndarray, shape (3, 3)
-        Covariance added to that of the rotation, rad^2.
+        Covariance to add to the covariance of the rotation, rad^2.
     """
 
     reason: str
@@ -128,8 +127,9 @@ class Unobservable(NamedTuple):
 def _unobservable_direction(
     modes: ComparedModes, sigma: float, pure_rotation: Callable[[], PureRotationFit], rate: float
 ) -> Unobservable | None:
-    """Reason why a direction with this largest ``sigma``, rad, is not observable; None if it is
-    observable.
+    """Reason why a direction is not observable; None if the direction is observable.
+
+    ``sigma`` is the largest 1-sigma of the direction, rad.
     """
     fit, mode = modes.fit, modes.secondary_mode
     if mode is not None and not mode.is_nearby(fit):

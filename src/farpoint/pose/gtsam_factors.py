@@ -1,8 +1,8 @@
-"""A motion as a factor of a GTSAM graph; the variables are poses ``world_from_cam``.
+"""A motion as a factor of a GTSAM graph, whose variables are poses ``world_from_cam``.
 
-GTSAM perturbs on the right: a pose by ``T @ Exp(xi)``, an essential matrix by ``aRb @ Exp(w)`` and
-by a step in GTSAM's own tangent basis of the unit direction ``aTb``. Frame ``a`` of GTSAM is camera
-0 here, and frame ``b`` is camera 1.
+GTSAM perturbs on the right. A pose is perturbed as ``T @ Exp(xi)``. An essential matrix is
+perturbed as ``aRb @ Exp(w)`` and by a step in GTSAM's own tangent basis of the unit direction
+``aTb``. Frame ``a`` of GTSAM is camera 0 here, and frame ``b`` is camera 1.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def essential_matrix_constraint(
     direction_basis: np.ndarray,
     covariance: np.ndarray,
 ) -> Any:
-    """``gtsam.EssentialMatrixConstraint`` with the noise of rotation and direction, 5 degrees.
+    """``gtsam.EssentialMatrixConstraint`` with the covariance (5, 5) of rotation and direction.
 
     ``aRb = R.T`` and ``aTb = -R.T @ direction``, so that ``w = -dtheta`` and, to first order,
     ``daTb = -R.T @ (skew(direction) @ dtheta + direction_basis @ dbeta)``.
@@ -49,7 +49,9 @@ def between_factor(
     translation: np.ndarray,
     twist: np.ndarray,
 ) -> Any:
-    """``gtsam.BetweenFactorPose3`` with the covariance (6, 6) of the left twist of cam1_from_cam0.
+    """``gtsam.BetweenFactorPose3``, given the covariance (6, 6) of the twist.
+
+    ``twist`` is the covariance of the left perturbation of ``cam1_from_cam0``.
 
     The inverse of ``Exp(xi) @ T`` is ``T^-1 @ Exp(-xi)``, so GTSAM's covariance is the given
     matrix.

@@ -1,4 +1,4 @@
-"""HTML table of a pose for notebooks, without scripts or styles to load."""
+"""HTML table of a pose for notebooks, without external scripts or styles."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def html_table(title: str, rows: Iterable[Row]) -> str:
 
 
 def pose_rows(pose: RelativePose) -> list[Row]:
-    """Reason, each observed quantity with its 1-sigma, number of matches."""
+    """Table rows: the reason, each observed quantity with a 1-sigma, the number of matches."""
     rows = [("reason", pose.reason)]
     if pose.rotation_cam1_from_cam0 is not None and pose.rotation_covariance is not None:
         vector, sigma = rotation_vector_deg(pose.rotation_cam1_from_cam0, pose.rotation_covariance)

@@ -34,7 +34,8 @@ def inverse_root(information: np.ndarray) -> np.ndarray:
 
 
 def positive(covariance: np.ndarray) -> np.ndarray:
-    """The covariance with its diagonal times 1 + 1e-12, so that rounding makes no correlation equal
-    to 1.
+    """The covariance with the diagonal multiplied by 1 + 1e-12.
+
+    The factor prevents correlations that equal 1 by rounding.
     """
     return covariance * _LOADED_DIAGONAL[len(covariance)]

@@ -1,9 +1,10 @@
-"""Covariance of a motion due to the uncertainty of the calibration, and the test of its direction.
+"""Effect of an uncertain calibration: covariance of the motion, and test of the direction.
 
-An error of the lens is not noise: it displaces all matches together, and no number of matches
-averages it out. The covariance of a motion ``x`` therefore grows by ``J S J.T``, with ``S`` the
-covariance of the lens parameters ``c`` and ``J = dx/dc`` at the optimum. By the implicit function
-theorem ``J = -H^-1 sum(w dr/dx dr/dc)`` for weighted residuals ``r(x, c)`` of information ``H``.
+An error of the lens is not noise: the error displaces all matches together, and does not average
+out over many matches. The covariance of a motion ``x`` therefore grows by ``J S J.T``, where ``S``
+is the covariance of the lens parameters ``c`` and ``J`` is ``dx/dc`` at the optimum. By the
+implicit function theorem ``J = -H^-1 sum(w dr/dx dr/dc)`` for residuals ``r(x, c)`` with weights
+``w`` and information ``H``.
 """
 
 from __future__ import annotations
@@ -36,11 +37,10 @@ __all__ = ["View", "with_lens_uncertainty"]
 
 
 class View(NamedTuple):
-    """One image: the camera, and the pixels and rays of the matches, not yet corrected for the
-    rolling shutter.
+    """One image: the camera, and the pixels and rays of the matches.
 
-    The pixels have the shape (N, 2), the rays (N, 3), and the derivatives of the rays by the pixel
-    (N, 3, 2).
+    The rays are not yet corrected for the rolling shutter. Shapes: pixels (N, 2), rays (N, 3),
+    derivatives of the rays by the pixel (N, 3, 2).
     """
 
     camera: Camera
@@ -49,11 +49,11 @@ class View(NamedTuple):
     by_pixel: np.ndarray
 
     def select(self, rows: np.ndarray) -> View:
-        """Of these matches."""
+        """The view with the given rows of the matches."""
         return View(self.camera, self.points[rows], self.rays[rows], self.by_pixel[rows])
 
     def through(self, camera: Camera) -> View:
-        """The same pixels through another camera."""
+        """The view with the same pixels and the rays of another camera."""
         rays = camera.unproject(self.points)
         return View(camera, self.points, rays, camera.unproject_jacobian(rays))
 
@@ -68,29 +68,29 @@ def with_lens_uncertainty(
 ) -> RelativePose:
     """The motion with a covariance that includes the uncertainty of the cameras and of the shutter.
 
-    The direction is dropped if an error of the lens may have made the flow. To test this, the lens
-    is changed within its uncertainty until a rotation explains most of the flow. If the matches
-    show no direction through the changed lens, the motion becomes `ROTATION_ONLY`.
+    The direction is dropped if an error of the lens may have caused the flow. For this test the
+    lens is changed within its uncertainty until a rotation explains most of the flow. If the
+    matches show no direction through the changed lens, the motion becomes `ROTATION_ONLY`.
 
     Parameters
     ----------
     pose : RelativePose
-        Motion by the given cameras.
+        Motion estimated with the given cameras.
     view0, view1 : View
-        Views of its matches. If both have the same camera, its error is common to both.
+        Views of the matches. If both views have the same camera, they have the same lens error.
     shutter : Shutter or None
-        None for a global one.
+        Rolling shutter; None for a global shutter.
     is_observable : callable
-        Whether the same pixels show a direction by other cameras and another shutter.
+        Whether the same pixels show a direction with other cameras and another shutter.
     false_alarm_rate : float
-        Lenses less probable than this are excluded; flows that noise explains at this rate do not
-        contradict a rotation.
+        Lens errors less probable than this rate are excluded. A flow that noise explains at this
+        rate does not contradict a rotation.
 
     Returns
     -------
     RelativePose
-        The pose with its covariance widened; the same pose if the cameras are exact or the status
-        is FAILED.
+        The pose with a wider covariance. The pose is unchanged if the cameras are exact or the
+        status is FAILED.
     """
     is_exact = shutter is None or shutter.sigma == shutter.angular_prior_sigma == 0.0
     if pose.status is PoseStatus.FAILED or (
@@ -116,7 +116,7 @@ def with_lens_uncertainty(
 
 
 class _Rays(NamedTuple):
-    """Unit rays (N, 3), their derivatives by the pixel (N, 3, 2) and by ``z`` (N, 3, r)."""
+    """Unit rays (N, 3), and derivatives of the rays by the pixel (N, 3, 2) and ``z`` (N, 3, r)."""
 
     rays: np.ndarray
     by_pixel: np.ndarray
@@ -124,11 +124,13 @@ class _Rays(NamedTuple):
 
 
 class _Lenses(NamedTuple):
-    """Both views as functions of ``z`` (r,), the errors of the lenses in units of one sigma.
+    """The rays of both views as functions of ``z`` (r,), the errors in units of one sigma.
 
-    ``factors`` are of the parameters (P, r) of ``camera.refinable``. The last four errors are those
-    of the read-out and of the derivative of the angular velocity, behind a shutter that undoes the
-    share of the rotation vector ``theta`` in each row; ``rows`` are those of the shutter's matches.
+    The first elements of ``z`` are errors of the lenses. ``factors`` (P, r) map these errors to the
+    parameters of ``camera.refinable``. The last four elements of ``z`` are the error of the
+    read-out time and the errors of the derivative of the angular velocity. The ``shutter`` undoes
+    the rotation of each row, a share of the rotation vector ``theta``. ``rows`` selects the matches
+    of the shutter.
     """
 
     views: tuple[View, View]
@@ -141,7 +143,10 @@ class _Lenses(NamedTuple):
     def of(
         cls, view0: View, view1: View, shutter: Shutter | None, rows: np.ndarray, theta: np.ndarray
     ) -> _Lenses:
-        """One camera twice shares its errors; those of two are independent."""
+        """Lenses of two views, which share all errors if the two cameras are the same object.
+
+        The errors of two different cameras are independent.
+        """
         first = second = view0.camera.parameter_factor
         if view0.camera is not view1.camera and view0.camera != view1.camera:
             second = view1.camera.parameter_factor
@@ -155,7 +160,7 @@ class _Lenses(NamedTuple):
         return self.factors[0].shape[1] + SHUTTER_ERRORS
 
     def rays(self, z: np.ndarray | None = None) -> tuple[_Rays, _Rays]:
-        """Rays of both images, seen by the given lenses or by the lenses with the errors z."""
+        """Rays of both images through the given lenses, or through lenses with the errors ``z``."""
         views, shutter = self.views, self.shutter
         if z is not None:
             *cameras, shutter = self.at(z)
@@ -169,8 +174,9 @@ class _Lenses(NamedTuple):
         return _unrolled(first, 0, shutter, self.theta), _unrolled(second, 1, shutter, self.theta)
 
     def at(self, z: np.ndarray) -> tuple[Camera, Camera, Shutter | None]:
-        """Exact cameras with these errors of the lenses; the errors are halved until they are
-        valid.
+        """Exact cameras with the lens errors ``z``.
+
+        The errors are halved until the parameters of the lens are valid.
         """
         shutter = self.shutter
         if shutter is not None:
@@ -188,7 +194,11 @@ class _Lenses(NamedTuple):
 
 
 def _rays_of(view: View, factor: np.ndarray) -> _Rays:
-    """By the implicit function theorem, as `CameraModel.unproject_parameter_jacobian`."""
+    """Rays of a view, and derivatives of the rays by the lens errors.
+
+    The derivatives follow from the implicit function theorem, as in
+    `CameraModel.unproject_parameter_jacobian`.
+    """
     pixel_by_lens = view.camera.refinable.project_parameter_jacobian(view.rays) @ factor
     by_lens = np.zeros((len(view.rays), 3, factor.shape[1] + SHUTTER_ERRORS))
     by_lens[:, :, :-SHUTTER_ERRORS] = -products(view.by_pixel, pixel_by_lens)
@@ -196,7 +206,7 @@ def _rays_of(view: View, factor: np.ndarray) -> _Rays:
 
 
 def _unrolled(rays: _Rays, image: int, shutter: Shutter, theta: np.ndarray) -> _Rays:
-    """Rays, with the rotation up to the read-out of each row undone."""
+    """Rays in the axes of the middle row: the rotation up to the read-out of each row is undone."""
     unrolled, by_pixel = shutter.unrolled(theta, image, rays.rays, rays.by_pixel)
     by_lens = shutter.columns_unrolled(theta, image, rays.by_lens)
     phases = shutter.phases(image)[:, None]
@@ -227,7 +237,11 @@ def _with_error(camera: Camera, error: np.ndarray) -> Camera:
 
 
 def _sensitivity(pose: RelativePose, rays0: _Rays, rays1: _Rays) -> np.ndarray:
-    """``dx/dz`` (5, r) of ``x = [dtheta, dbeta]``, or (3, r) of ``dtheta``, at the estimate."""
+    """Derivative ``dx/dz`` of the estimate by the errors of the lenses.
+
+    ``x`` is ``[dtheta, dbeta]``, which gives the shape (5, r), or, for a pose without a direction,
+    ``dtheta``, which gives the shape (3, r).
+    """
     R, t = pose.rotation_cam1_from_cam0, pose.direction_cam1_from_cam0
     assert R is not None
     if t is None:
@@ -247,14 +261,15 @@ def _sensitivity(pose: RelativePose, rays0: _Rays, rays1: _Rays) -> np.ndarray:
 
 
 def _variance(direction: np.ndarray, rays: _Rays) -> np.ndarray:
-    """Variance (N,) of ``direction . ray`` for one px^2 of each coordinate of the pixel."""
+    """Variance (N,) of ``direction . ray`` if each pixel coordinate has a variance of 1 px^2."""
     by_pixel = (direction[:, None] @ rays.by_pixel)[:, 0]
     return np.maximum(np.sum(by_pixel**2, axis=1), np.finfo(float).tiny)
 
 
 def _solved(by_x: np.ndarray, by_lens: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Solution ``-H^-1 sum(w dr/dx dr/dz)``; zero along directions that the matches do not
-    determine.
+    """Solution ``-H^-1 sum(w dr/dx dr/dz)`` with ``H = sum(w dr/dx dr/dx)``.
+
+    The solution is zero along directions of ``x`` that the matches do not determine.
     """
     known = np.isfinite(weight) & np.isfinite(by_x).all(axis=1) & np.isfinite(by_lens).all(axis=1)
     weighted = (by_x * weight[:, None])[known]
@@ -264,8 +279,9 @@ def _solved(by_x: np.ndarray, by_lens: np.ndarray, weight: np.ndarray) -> np.nda
 class _Flow(NamedTuple):
     """Derotated flow: ``b - R a`` in the plane perpendicular to ``b``.
 
-    ``left`` (N, 2) is the flow. Each flow has derivatives by ``x = [dtheta, dz]`` (N, 2, 3 + r),
-    and a variance (N,) along one direction for pixel noise of one px^2.
+    ``left`` (N, 2) is the flow, and ``by_x`` (N, 2, 3 + r) its derivatives by ``x = [dtheta, dz]``.
+    ``variance`` (N,) is the variance of the flow along one direction if each pixel coordinate has a
+    variance of 1 px^2.
     """
 
     left: np.ndarray
@@ -274,7 +290,7 @@ class _Flow(NamedTuple):
 
     @classmethod
     def of(cls, R: np.ndarray, rays0: _Rays, rays1: _Rays) -> _Flow:
-        """Without the rotation ``R`` (3, 3), camera 1 from camera 0."""
+        """The flow that remains without the rotation ``R`` (3, 3), camera 1 from camera 0."""
         a, b = rays0.rays @ R.T, rays1.rays
         basis = tangent_basis(b).transpose(0, 2, 1)
         by_lens = rays1.by_lens - R @ rays0.by_lens
@@ -286,10 +302,10 @@ class _Flow(NamedTuple):
         )
 
     def per_sigma(self, noise_px: float) -> tuple[np.ndarray, np.ndarray]:
-        """Flow (M, 2) and derivatives (M, 2, 3 + r) in units of the noise, of the M matches whose
-        rays exist.
+        """Flow (M, 2) and derivatives (M, 2, 3 + r) in units of the noise.
 
-        With a lens in error some do not.
+        M is the number of matches whose rays exist: through a lens with errors, some pixels may
+        have no ray.
         """
         scale = 1.0 / (noise_px * np.sqrt(self.variance))
         left, by_x = self.left * scale[:, None], self.by_x * scale[:, None, None]
@@ -302,10 +318,10 @@ def _explained_by_a_rotation(
 ) -> np.ndarray | None:
     """Errors of the lenses (r,) with which a rotation explains most of the flow.
 
-    None if most of the matches contradict a rotation through every lens. The function maximises
-    over ``dtheta`` and ``z`` a likelihood with heavy tails (the points that carry translation)
-    times the prior of ``z``, by Gauss-Newton. The flow is linearised again in every step in which
-    it is not linear.
+    The result is None if most of the matches contradict a rotation through every probable lens. The
+    function maximises, by Gauss-Newton, the likelihood of ``dtheta`` and ``z`` times the prior of
+    ``z``. The likelihood has heavy tails, because near points also move by the translation. The
+    flow is linearised again in each step that is too long for the last linearisation.
     """
     R, noise_px = pose.rotation_cam1_from_cam0, pose.noise_px
     assert R is not None

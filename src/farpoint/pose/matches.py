@@ -1,4 +1,4 @@
-"""Matches in the format of the estimator: pairs of rays, each with its noise."""
+"""Matches in the format of the estimator: pairs of rays with the noise of each ray."""
 
 from __future__ import annotations
 
@@ -45,15 +45,15 @@ __all__ = [
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GivenNoise:
-    """Noise given for each match.
+    """Functions that replace the given noise of each match by another noise.
 
     Attributes
     ----------
     uniform : callable
-        The matches with the same noise for all: the median of the given variances.
+        Returns the matches with the same isotropic noise: the median of the given variances.
     with_floor : callable
-        The matches with this variance added to every coordinate, as a ratio to that median, all
-        over the new median.
+        Returns the matches with a variance added to every coordinate. The argument is the added
+        variance over the median of the given variances. The sums are divided by their new median.
     """
 
     uniform: Callable[[], Matches]
@@ -62,32 +62,34 @@ class GivenNoise:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Matches:
-    """Pairs of rays with their noise, and the rows of the user's arrays they come from.
+    """Pairs of rays with noise, and the row of each pair in the user's arrays.
 
     Attributes
     ----------
     pairs : ndarray
-        Unit rays in camera 0 and camera 1, with their covariances, packed for the kernels.
+        Unit rays in camera 0 and camera 1 and the covariances of the rays, packed for the kernels.
     index : ndarray of int, shape (N,)
-        Row of each match in what the user gave; matches without a ray are left out.
+        Row of each match in the user's arrays. Matches without a ray are left out.
     total : int
         Number of matches that the user gave.
     unit : str
-        Unit of the noise: ``"px"``, or ``"noise_rad"`` where rays were given.
+        Unit of the noise: ``"px"``, or ``"noise_rad"`` if the user gave rays.
     outlier_half_width : float
-        Half-width of the outlier domain, in units of the noise: that of a uniform distribution with
-        the second moment of the later rays.
+        Half-width of the domain of outliers, in units of the noise. A uniform distribution over
+        this domain has the second moment of the rays in camera 1.
     misspecification : float
-        Misspecification factor of the variance of the noise in one direction over that in another;
-        1 for independent noise without given covariances.
+        Misspecification factor of the noise: the factor by which the variance in one direction may
+        exceed the variance in another, compared with the noise model. 1 for independent noise
+        without given covariances.
     design_effect : float
-        Variance of a motion over that of independent residuals.
+        Variance of a motion divided by the variance for independent residuals.
     given_noise : GivenNoise or None
-        Noise given for each match, if any.
+        Other versions of the matches, if the user gave the noise of each match.
     min_variance : float
-        Lower bound of the noise variance: rounding.
+        Lower bound of the noise variance, due to rounding of coordinates.
     max_variance : float
-        Upper bound of the noise variance, which leaves no heavy tail; infinite for none.
+        Upper bound of the noise variance, infinite for no bound. A finite bound excludes a heavy
+        tail.
     """
 
     pairs: np.ndarray
@@ -106,16 +108,16 @@ class Matches:
 
     @property
     def tempering(self) -> float:
-        """Divisor of log-likelihood ratios.
+        """Number by which log-likelihood ratios are divided.
 
-        A misspecified variance scales log likelihoods by the misspecification factor. With
-        correlated residuals, the effective number of matches is their number over the design
-        effect.
+        If the variance is misspecified, log likelihoods are too large by the misspecification
+        factor. If residuals are correlated, the effective number of matches is the number of
+        matches divided by the design effect. The larger of the two factors is used.
         """
         return max(self.misspecification, self.design_effect)
 
     def select(self, rows: np.ndarray) -> Matches:
-        """The matches of these rows (a mask or indices), with the same outlier domain."""
+        """The matches selected by a mask or by indices, with the same domain of outliers."""
         rows = np.flatnonzero(rows) if rows.dtype == bool else rows
         pairs = np.empty(packed_length(len(rows)) // LANES * PANEL)
         take_pairs(self.pairs, rows, pairs)
@@ -132,7 +134,7 @@ class Matches:
         )
 
     def subsample(self, most: int) -> Matches:
-        """Evenly spaced rows, at most so many."""
+        """At most ``most`` matches, with evenly spaced rows."""
         total = len(self)
         return self if total <= most else self.select(np.arange(most) * total // most)
 
@@ -141,14 +143,12 @@ class Matches:
         return self.index[np.flatnonzero(labels)]
 
     def with_design_effect(self, design_effect: float, *, is_misspecified: bool) -> Matches:
-        """The matches with correlated residuals, whose noise may be misspecified."""
+        """The matches with a design effect, and with misspecified noise if ``is_misspecified``."""
         factor = MISSPECIFIED_FACTOR if is_misspecified else self.misspecification
         return replace(self, misspecification=factor, design_effect=design_effect)
 
     def with_noise_up_to(self, variance: float) -> Matches:
-        """The matches with this upper bound of the noise variance; the bound is at least the lower
-        bound of the noise.
-        """
+        """The matches with an upper bound of the noise variance, at least ``min_variance``."""
         return replace(self, max_variance=max(variance, self.min_variance))
 
     def packed(self, prior: np.ndarray, *, soft_cheirality: bool) -> PackedMatches:
@@ -158,7 +158,7 @@ class Matches:
         return PackedMatches(self.pairs, prior, n, width, LONG_TAIL, least, most, soft_cheirality)
 
     def weights(self, values: np.ndarray | float = 1.0) -> np.ndarray:
-        """Values of the matches (N,) in the format of the kernels; padding of the panels is 0."""
+        """Values (N,) of the matches in the format of the kernels, padded with 0."""
         packed = np.zeros(packed_length(len(self)))
         packed[: len(self)] = values
         return packed
@@ -175,22 +175,22 @@ class Matches:
 
     @cached_property
     def precision(self) -> np.ndarray:
-        """Inverse mean variance (N,), rad^-2, of ``b - R a`` along one direction."""
+        """Inverse (N,), rad^-2, of the mean variance of ``b - R a`` along one direction."""
         return 1.0 / self._rows(FLOW, FLOW + 1)[:, 0]
 
     def _rows(self, first: int, end: int) -> np.ndarray:
-        """Values (N, end - first) of every match in these rows of the panels."""
+        """Values (N, end - first) of all matches in the panel rows from ``first`` to ``end``."""
         panels = self.pairs.reshape(-1, PANEL // LANES, LANES)[:, first:end]
         return panels.transpose(0, 2, 1).reshape(-1, end - first)[: len(self)]
 
 
 Unrolled = Callable[[int, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
-"""Others of the rays (N, 3) of image 0 or 1, and of their derivatives by the pixel (N, 3, 2)."""
+"""New rays (N, 3), and derivatives (N, 3, 2) by the pixel, from those of image 0 or 1."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PixelMatches:
-    """Matching pixels and what cameras see there.
+    """Rays and noise of matching pixels.
 
     Attributes
     ----------
@@ -199,7 +199,7 @@ class PixelMatches:
     by_pixel : tuple of ndarray, shape (N, 3, 2)
         Derivatives of the rays by the pixel.
     covariances : tuple of ndarray, shape (N, 2, 2) or (1, 2, 2)
-        Covariances of the pixels, over their common median variance.
+        Covariances of the pixels, divided by the median variance of both images.
     min_variance : float
         Lower bound of the noise variance.
     """
@@ -219,10 +219,10 @@ class PixelMatches:
         covariance0_px2: np.ndarray | None = None,
         covariance1_px2: np.ndarray | None = None,
     ) -> PixelMatches:
-        """Unproject pixels (N, 2) with their noise, (N, 2, 2) px^2 up to a common factor.
+        """Unproject pixels (N, 2) with covariances (N, 2, 2), px^2 up to a common factor.
 
-        If only one image has covariances, the other image has isotropic noise of their median
-        variance.
+        If the covariances of only one image are given, the noise of the other image is isotropic
+        with the median of the given variances.
         """
         check_camera("camera0", camera0)
         check_camera("camera1", camera1)
@@ -244,7 +244,10 @@ class PixelMatches:
         )
 
     def matches(self, unrolled: Unrolled | None = None) -> Matches:
-        """As the estimator takes them, with rays that are ``unrolled``."""
+        """Matches in the format of the estimator.
+
+        ``unrolled`` corrects the rays for the rolling shutter.
+        """
         images = tuple(zip(self.rays, self.by_pixel, strict=True))
         if unrolled is not None:
             images = unrolled(0, *images[0]), unrolled(1, *images[1])
@@ -275,20 +278,21 @@ def matches_from_points(
     covariance0_px2: np.ndarray | None = None,
     covariance1_px2: np.ndarray | None = None,
 ) -> Matches:
-    """As `PixelMatches.of`, of global shutters."""
+    """Matches of pixels (N, 2), taken with global shutters; see `PixelMatches.of`."""
     given = points0, points1, camera0, camera1, covariance0_px2, covariance1_px2
     return PixelMatches.of(*given).matches()
 
 
 def _rays_of(camera: Camera, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rays of pixels, and their derivatives."""
+    """Rays of pixels, and derivatives of the rays by the pixels."""
     rays = camera.unproject(points)
     return rays, camera.unproject_jacobian(rays)
 
 
 def matches_from_rays(rays0: np.ndarray, rays1: np.ndarray, noise_rad: float) -> Matches:
-    """Matches of rays (N, 3), which are normalised here, with isotropic noise of ``noise_rad`` for
-    each ray.
+    """Matches of rays (N, 3) with the isotropic noise ``noise_rad`` for each ray.
+
+    The function normalises the rays.
     """
     rays0 = checked_rows("rays0", rays0, (3,))
     rays1 = checked_rows("rays1", rays1, (3,), rows=len(rays0))
@@ -304,7 +308,7 @@ def matches_from_rays(rays0: np.ndarray, rays1: np.ndarray, noise_rad: float) ->
 
 
 def _of_usual_length(rays: np.ndarray) -> np.ndarray:
-    """Non-zero rays (N, 3), scaled if the square of a length would overflow or vanish."""
+    """Non-zero rays (N, 3). A ray is scaled if its squared length would overflow or vanish."""
     longest = np.abs(rays).max(axis=1, initial=0.0)
     unusual = (longest > 1e100) | (longest < 1e-100)
     if not unusual.any():
@@ -342,7 +346,7 @@ def _pack(
 
 
 def check_camera(name: str, camera: object) -> None:
-    """An InputError where it is none."""
+    """Raise an InputError if the argument ``name`` is not a camera."""
     if not isinstance(camera, Camera):
         raise InputError(f"expected a Camera, got {type(camera).__name__}", field=name)
 
@@ -376,7 +380,10 @@ def _shape(rows: int | None, shape: tuple[int, ...]) -> str:
 def _covariances(
     count: int, covariance0_px2: np.ndarray | None, covariance1_px2: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Both images' covariances (N, 2, 2), or (1, 2, 2), over their common median variance."""
+    """Covariances of both images, divided by the median variance of all given covariances.
+
+    The shape is (N, 2, 2), or (1, 2, 2) for an image without given covariances.
+    """
     if covariance0_px2 is None and covariance1_px2 is None:
         return ISOTROPIC, ISOTROPIC
     names = ("covariance0_px2", "covariance1_px2")
@@ -396,10 +403,10 @@ def _covariances(
 
 
 def _bounded(covariances: np.ndarray, least: float, most: float) -> np.ndarray:
-    """Variances with a limited ratio to their median, so that products do not overflow and every
-    match keeps some weight.
+    """Covariances whose variances are limited to the range from ``least`` to about ``most``.
 
-    Squares and quotients of others overflow, or leave no weight for the other matches.
+    Squares and quotients of variances outside the range would overflow, or a single match would
+    leave no weight for the other matches.
     """
     variances = covariances[:, [0, 1], [0, 1]]
     lowest, highest = variances.min(axis=1), variances.max(axis=1)

@@ -14,7 +14,7 @@ __all__ = ["PoseOrder", "pose_covariance_in", "twist_covariance"]
 
 
 class PoseOrder(StrEnum):
-    """Pose, order and perturbation side of a 6x6 covariance."""
+    """Convention of a 6x6 covariance: the pose, the order, and the side of the perturbation."""
 
     ROS = "ros"
     """``[translation, rotation]`` of the pose of camera 1 in camera 0, both in camera 0's fixed
@@ -24,7 +24,7 @@ class PoseOrder(StrEnum):
     """``[rotation, translation]`` of ``cam1_from_cam0`` as a twist on the left, in camera 1's axes:
     ``T_true = Exp([dtheta, dtau]) @ T``. This is the order of pycolmap's functions on covariances
     of ``Rigid3d``. GTSAM's twist on the right of the pose of camera 1 in camera 0 is the negative
-    of this twist, so its covariance is the same matrix."""
+    of this twist, so the covariance of GTSAM's twist is the same matrix."""
 
 
 def pose_covariance_in(
@@ -32,8 +32,8 @@ def pose_covariance_in(
 ) -> np.ndarray:
     """`twist_covariance` (6, 6) in the given order.
 
-    The inverse of ``Exp(xi) @ T`` is ``T^-1 @ Exp(-xi)``. In camera 0, both halves of the twist are
-    therefore rotated by ``-R.T``.
+    The inverse of ``Exp(xi) @ T`` is ``T^-1 @ Exp(-xi)``. In the axes of camera 0, rotation and
+    translation of the twist are therefore multiplied by ``-R.T``.
     """
     if order is PoseOrder.COLMAP:
         return twist
@@ -59,8 +59,9 @@ def twist_covariance(
     direction, direction_basis, covariance : ndarray, shapes (3,), (3, 2), (5, 5)
         Values of a `RelativePose`.
     scale, scale_sigma : float
-        Length of the translation and its 1-sigma, in the unit of the result; the error of the
-        length is taken as independent of the errors of rotation and direction.
+        Length of the translation and its 1-sigma, in any unit of length; the result has the same
+        unit. The error of the length is taken as independent of the errors of rotation and
+        direction.
 
     Raises
     ------

@@ -1,14 +1,16 @@
-"""Model selection: consensus, translation and rotation, each a test at a false-alarm rate.
+"""Model selection: tests of consensus, translation and rotation at a false-alarm rate.
 
-1. *Consensus*: do more matches agree than by chance? For a general motion by its likelihood ratio
-   to all matches being outliers: the ratio exceeds 1 / rate by chance at most at that rate
-   (Markov's inequality). For a pure rotation by the expected number of such coincidences (an
-   a-contrario test: Moisan and Stival, IJCV 2004, DOI 10.1023/B:VISI.0000013094.38752.34).
-2. *Translation*: is the distance of the matches from the rotation's prediction larger than the
-   noise across the epipolar lines? An F test over the bulk of the matches; or an epipole consensus
-   larger than chance; or a likelihood ratio of the general motion to the pure rotation above
-   1 / rate, each averaged over all poses.
-3. *Rotation*: is the rotation distinguishable from none?
+1. *Consensus*: do more matches agree than by chance? For a general motion, the test is the
+   likelihood ratio of the motion to the hypothesis that all matches are outliers. By chance, this
+   ratio exceeds 1 / rate at most at that rate (Markov's inequality). For a pure rotation, the test
+   is the expected number of hypotheses with such a consensus by chance (an a-contrario test: Moisan
+   and Stival, IJCV 2004, DOI 10.1023/B:VISI.0000013094.38752.34).
+2. *Translation*: do the matches move along the epipolar lines by more than the noise? One of three
+   tests must pass. The first is an F test over the matches that both models explain. The second
+   tests whether more matches flow towards one epipole than by chance. The third tests whether the
+   likelihood ratio of the general motion to the pure rotation exceeds 1 / rate; both likelihoods
+   are averaged over all poses.
+3. *Rotation*: does the rotation differ from the identity by more than the noise?
 """
 
 from __future__ import annotations
@@ -42,18 +44,19 @@ __all__ = [
 
 
 def is_consensus(agreeing: int, total: int, minimal: int, chance: float, rate: float) -> bool:
-    """Whether ``agreeing`` of ``total`` matches are more than coincidence, at false-alarm ``rate``.
+    """Whether more matches agree than by chance, at the false-alarm ``rate``.
 
     Parameters
     ----------
     agreeing, total : int
-        Matches that agree with the best hypothesis, and all matches.
+        Number of matches that agree with the best hypothesis, and number of all matches.
     minimal : int
-        Matches that fix a hypothesis, and so agree with it by construction.
+        Number of matches from which a hypothesis is computed; these agree by construction.
     chance : float
         Probability that an outlier agrees with a given hypothesis.
     rate : float
-        Expected number of hypotheses with such a consensus among outliers.
+        False-alarm rate: expected number of hypotheses with so many agreeing matches if all matches
+        are outliers.
     """
     if agreeing <= minimal:
         return False
@@ -64,8 +67,8 @@ def is_consensus(agreeing: int, total: int, minimal: int, chance: float, rate: f
 def is_motion(fit: GeneralMotionFit, rate: float) -> bool:
     """Whether the likelihood ratio of the motion to outliers alone exceeds ``1 / rate``.
 
-    The ratio is averaged over all motions (Laplace factor), because a motion fitted to five matches
-    has a sharp mode.
+    The ratio is averaged over all motions (Laplace factor), because the likelihood of a motion that
+    is fitted to only five matches has a sharp mode.
     """
     return fit.agreeing > POSE_PARAMETERS and fit.log_odds - fit.laplace_factor > -math.log(rate)
 
@@ -73,9 +76,9 @@ def is_motion(fit: GeneralMotionFit, rate: float) -> bool:
 def is_clearly_translating(fit: GeneralMotionFit) -> bool:
     """Whether many inliers contradict every rotation that may fit them.
 
-    This is the common case, decided without fitting a pure rotation. It requires more than 0.1 of
-    the inliers, and more than 8 plus 4 times the outliers expected on their epipolar lines by
-    chance.
+    In this common case no pure rotation needs to be fitted. The contradicting inliers must be more
+    than a share of 0.1 of all inliers, and more than 8 plus 4 times the number of outliers that are
+    expected to lie on their epipolar lines by chance.
     """
     outliers = min(len(fit.matches), MAX_SEARCHED) - fit.supporting
     chance = min(GATE_SIGMA * fit.noise.sigma / fit.matches.outlier_half_width, 1.0)
@@ -83,17 +86,18 @@ def is_clearly_translating(fit: GeneralMotionFit) -> bool:
 
 
 def is_vague(fit: GeneralMotionFit, sigma: float, rate: float) -> bool:
-    """Whether a direction with this largest ``sigma``, rad, or its sign is too uncertain."""
+    """Whether a direction with the largest 1-sigma ``sigma``, rad, or its sign is too uncertain."""
     return sigma > MAX_DIRECTION_SIGMA or fit.sign_probability < 1.0 - rate
 
 
 def translation_evidence(
     matches: Matches, fit: GeneralMotionFit, pure_rotation: PureRotationFit, rate: float
 ) -> float:
-    """Evidence for translation, 0 to 1: 1 where a test passes at the false-alarm ``rate``.
+    """Evidence for translation, 0 to 1; 1 if one of the tests passes at the false-alarm ``rate``.
 
     The evidence is between 0 and 1 in three cases: a test passes only at a higher rate, a test
-    passes only under the given noise, or the general motion is likelier by less than ``1 / rate``.
+    passes only if the noise model is exact, or the likelihood ratio of the general motion to the
+    pure rotation is less than ``1 / rate``.
     """
     band = GATE_SIGMA * fit.noise.mean_sigma
     unexplained, near, by_chance, bulk, across, flow = flow_beside_rotation(
@@ -109,8 +113,8 @@ def translation_evidence(
 def _log_ratio_to_rotation(fit: GeneralMotionFit, pure_rotation: PureRotationFit) -> float:
     """Log-likelihood ratio of the general motion to the pure rotation, at least 0.
 
-    The ratio is averaged over the poses nearby. Matches that both models explain count only against
-    the general motion.
+    Both likelihoods are averaged over nearby poses. A match that both models explain can only lower
+    the ratio.
     """
     if fit.agreeing <= POSE_PARAMETERS:
         return 0.0
@@ -133,13 +137,13 @@ def is_static(R_cam1_from_cam0: np.ndarray, covariance: np.ndarray, rate: float)
 
 
 def _bulk_beyond_noise(n: int, across: float, flow: float, matches: Matches, rate: float) -> float:
-    """F test of the distance from the rotation's prediction against noise across epipolar lines.
+    """Evidence, 0 to 1, of an F test of the flow along epipolar lines against the noise across.
 
-    Over the n matches that both models explain, because one outlier along an epipolar line would
-    decide the test. The evidence is the logarithm of the p-value over that of the ``rate``, at most
-    1, times a factor for the misspecification of the noise, because many matches could mistake
-    noise for flow:
-    ``min(2 ratio / misspecification - 1, 1)^4``.
+    The test uses the n matches that both models explain, because one outlier along an epipolar line
+    would decide a test over all matches. The evidence is the logarithm of the p-value divided by
+    the logarithm of the ``rate``, at most 1, times the factor
+    ``min(2 ratio / misspecification - 1, 1)^4``. The factor is needed because with many matches the
+    test would take misspecified noise as flow.
     """
     if n < MIN_MATCHES:
         return 0.0
@@ -154,7 +158,7 @@ def _bulk_beyond_noise(n: int, across: float, flow: float, matches: Matches, rat
 
 
 def _log_binomial_tail(k: int, n: int, p: float) -> float:
-    """Logarithm of the probability of at least ``k`` of ``n``."""
+    """Logarithm of the probability of at least ``k`` successes in ``n`` trials."""
     tail = float(scipy.special.bdtrc(k - 1.0, n, p))
     return math.log(tail) if tail > 0.0 else -math.inf
 

@@ -18,15 +18,16 @@ class Noise(NamedTuple):
     Attributes
     ----------
     variance : float
-        Variance of an inlier of the core, per coordinate, in units of the given noise.
+        Variance of the core of the inliers, per coordinate, in units of the given noise.
     outlier_share : float
         Share of outliers among all matches.
     tail_share : float
-        Share of the inliers that have `TAIL_RATIO` times the sigma of the core; of these, the same
-        share has `TAIL_RATIO` times more, and so on (heavy tail).
+        Share of the inliers whose sigma is `TAIL_RATIO` times that of the core. Of these inliers,
+        the same share has a sigma that is `TAIL_RATIO` times larger again, and so on (heavy tail).
     repeated_share : float
-        Share of repeated-structure outliers (one window matched to the next) among the outliers; 0
-        for a pure rotation, which has no such component.
+        Share of repeated-structure outliers among the outliers: matches between neighbouring
+        copies of a repeated structure, such as the windows of a house. 0 for a pure rotation, whose
+        noise model has no such component.
     """
 
     variance: float
@@ -36,15 +37,15 @@ class Noise(NamedTuple):
 
     @property
     def sigma(self) -> float:
-        """Of an inlier of the core."""
+        """1-sigma of the core of the inliers."""
         return math.sqrt(self.variance)
 
     @property
     def mean_sigma(self) -> float:
-        """Root mean square over core and heavy tail."""
+        """Root mean square noise of all inliers, core and heavy tail."""
         return math.sqrt(mean_variance(self.variance, self.tail_share))
 
     @property
     def array(self) -> np.ndarray:
-        """As the kernels take it."""
+        """The noise in the format of the kernels."""
         return np.array(self)

@@ -19,12 +19,12 @@ __all__ = ["noise_floor"]
 
 
 def noise_floor(matches: Matches, fit: GeneralMotionFit | Start) -> float:
-    """Variance that all matches have in common, over the median of the given variances.
+    """Variance that all matches have in common, divided by the median of the given variances.
 
-    The residuals ``e`` of inliers, with given variances ``v`` across the epipolar lines, have the
-    variance ``a (v + floor)`` with a common factor ``a``. The result is the floor, from a grid of
-    values, that is most likely by Student's distribution; 0 without given noise, and for few
-    matches.
+    An inlier with the given variance ``v`` across its epipolar line has a residual ``e`` with the
+    variance ``a (v + floor)``. The factor ``a`` is common to all inliers. The result is the
+    likeliest floor of a grid of values under Student's distribution; 0 without given noise, and for
+    few matches.
     """
     if matches.given_noise is None:
         return 0.0

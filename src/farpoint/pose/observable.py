@@ -19,15 +19,16 @@ def observable_motion(motion_m: float, gamma_rad: float, phi_rad: float) -> floa
     motion_m : float
         Length dT of the camera's motion.
     gamma_rad : float
-        Angle between the motion and the perpendicular to the viewing ray: pi/2 is a motion along
-        the ray, which leaves the point where it is.
+        Angle between the motion and the perpendicular to the viewing ray. pi/2 is a motion along
+        the ray, which does not shift the point in the image.
     phi_rad : float
-        Angle of the viewing ray off the optical axis, below pi/2 in absolute value.
+        Angle between the viewing ray and the optical axis, below pi/2 in absolute value.
 
     Returns
     -------
     float
-        Length of the motion parallel to the image plane with the same shift in the image.
+        Length of the motion parallel to the image plane that shifts the point in the image by as
+        much as the given motion.
 
     Notes
     -----
@@ -60,7 +61,7 @@ def far_distance(
     Returns
     -------
     float or ndarray
-        Metres along the optical axis.
+        Distance along the optical axis, metres.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Whether all parallax is that of one compact object, which may move independently.
+"""Test whether only one compact object shows parallax, an object that may move independently.
 
 Far points and one near object allow two explanations with the same likelihood: a camera that moves
 past a stationary object, and a camera that only turns while the object moves.

@@ -12,51 +12,60 @@ __all__ = ["DEFAULTS", "RelativePoseOptions"]
 
 @dataclass(frozen=True, kw_only=True)
 class RelativePoseOptions:
-    """Options of `estimate_relative_pose`; the defaults serve tracks and still matches alike.
+    """Options of `estimate_relative_pose`.
+
+    The defaults suit tracks of a video as well as matches of two photographs.
 
     Attributes
     ----------
     matching_tolerance_px : float
         Largest residual per coordinate, px, at which a match can support a hypothesis of the
-        search; a poor calibration needs a larger one. The noise itself is estimated from the data.
-        For rays the unit is ``noise_rad``, and the tolerance is at least 3.
+        search. A poor calibration needs a larger tolerance. The noise itself is estimated from the
+        data. For rays the unit is ``noise_rad``, and the tolerance is at least 3.
     refine : bool
         Refine rotation and direction jointly to the maximum likelihood. False gives the closed
-        form of Burschka and Mair (2008): SVD of the far rays, weighted mean of the pairwise
-        intersections, covariance from their scatter.
+        form of Burschka and Mair (2008): the rotation from an SVD of the far rays, the direction
+        as the weighted mean of the pairwise intersections of derotated flow, and the covariance
+        from the scatter of these intersections.
     flow_saturation_px : float
-        L of eqs. 14-17: derotated flow of this length, px, has full weight in the mean of the
-        pairwise intersections; the weight of shorter flow is proportional to its length.
+        Length L in eqs. 14-17, px. Derotated flow of this length or more has full weight in the
+        mean of the pairwise intersections. The weight of shorter flow is proportional to the
+        length of the flow.
     confidence : float
-        Probability, in (0, 1), that the search has drawn a sample without an outlier.
+        Probability, in (0, 1), that the search draws at least one sample without an outlier.
     min_iterations, max_iterations : int
-        Bounds on the number of joint hypotheses in one search; for few matches, at most the number
-        of distinct samples of five.
+        Bounds on the number of joint hypotheses of rotation and direction in one search. A search
+        in few matches tries at most as many hypotheses as there are distinct samples of five
+        matches.
     shared_error_px : float
-        1-sigma, px, of an error that is common to all matches. It does not average out over the
-        matches and bounds the covariance of the rotation from below. For rays the unit is
+        1-sigma, px, of an error that is common to all matches. A common error does not average out
+        over the matches and bounds the covariance of the rotation from below. For rays the unit is
         ``noise_rad``.
     count_sharing : bool
-        Without given covariances, multiply the covariance by the design effect of residuals that
-        are correlated between neighbours. False treats matches as independent.
+        If no covariances of the points are given, multiply the covariance of the motion by a design
+        effect, because residuals of neighbouring matches are correlated. False treats matches as
+        independent.
     half_splits : int
-        Number of random splits of the matches into two halves; the difference of their poses scales
-        the covariance. 0 for none. Splits are meant for tracks, whose errors are correlated on one
-        surface. Patches of 3 to 6 neighbours stay in one half. If residuals of neighbouring patches
-        are correlated, too, the covariance of a motion is inflated further.
+        Number of random splits of the matches into two halves; 0 for none. The difference between
+        the poses from two halves scales the covariance. Splits are meant for tracks, because errors
+        of tracks on one surface are correlated. Patches of 3 to 6 neighbouring matches are not
+        split. If the residuals of neighbouring patches are correlated, too, the covariance of the
+        motion is inflated further.
     expected_half_ratio : float
         Expected split-half ratio: the mean `PoseStats.half_ratio` of earlier pairs of the same
-        video, which `Odometry` keeps. It has the weight of 8 splits; without splits it is the only
-        factor. 1 for independent noise.
+        video, which `Odometry` computes; 1 for independent noise. The expected ratio has the weight
+        of 8 splits. Without splits only the expected ratio scales the covariance.
     expected_half_ratio_pairs : int
-        Number of pairs in the mean `expected_half_ratio`.
+        Number of image pairs in the mean `expected_half_ratio`.
     sharing_beyond_patches : float
-        Slope of the variance by errors that are correlated beyond a patch, over the excess of the
-        mean split-half ratio above that of independent noise. Video codecs cause such errors; the
-        split-half ratio contains only a part of them. 0 for none.
+        Slope of the inflation for errors that are correlated beyond a patch, which video codecs
+        cause. The split-half ratio contains only a part of these errors. The covariance is
+        multiplied by 1 plus this slope times the excess of the mean split-half ratio over the ratio
+        of uncompressed video. 0 for no inflation.
     false_alarm_rate : float
-        Probability, in (0, 1), of each of three false alarms: translation for a pure rotation,
-        rotation for a static camera, consensus by chance.
+        Probability, in (0, 1), of each of three false alarms: a translation is reported for a pure
+        rotation, a rotation is reported for a static camera, or a chance agreement of matches is
+        reported as a motion.
     """
 
     matching_tolerance_px: float = 1.5

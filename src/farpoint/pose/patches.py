@@ -1,4 +1,4 @@
-"""Patches of the image: matches within one have correlated errors."""
+"""Patches of the image: the errors of matches within a patch are correlated."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The pure rotation, fitted to its maximum likelihood.
+"""The pure rotation with the maximum likelihood.
 
 The pure-rotation model predicts both coordinates of a match. Inliers have normal noise of unknown
 scale, and outliers are uniform. EM estimates the noise scale and the outlier share together with
@@ -35,7 +35,7 @@ class PureRotationFit:
     ----------
     R_cam1_from_cam0 : ndarray, shape (3, 3)
     covariance : ndarray, shape (3, 3)
-        rad^2, if the model is true.
+        Covariance of the rotation if the model is true, rad^2.
     noise : Noise
     distance2 : ndarray, shape (N,)
         Squared Mahalanobis distance of each match for unit noise, 2 degrees of freedom.
@@ -44,7 +44,7 @@ class PureRotationFit:
     cost : float
         Mean negative log likelihood of a match.
     laplace_factor : float
-        Negative logarithm of the Laplace (Occam) factor, as in `GeneralMotionFit`.
+        Negative logarithm of the Laplace (Occam) factor; see `GeneralMotionFit`.
     """
 
     R_cam1_from_cam0: np.ndarray
@@ -57,7 +57,7 @@ class PureRotationFit:
 
 
 def fit_pure_rotation(matches: Matches, R_start: np.ndarray, tolerance: float) -> PureRotationFit:
-    """Maximum-likelihood rotation of all matches from a start within its basin."""
+    """Maximum-likelihood rotation of all matches, from a start near the maximum."""
     n, size = len(matches), packed_length(len(matches))
     R, information = R_start.copy(), np.empty((3, 3))
     distance2, inlier = np.empty(size), np.empty(size)
@@ -88,7 +88,10 @@ def fit_pure_rotation(matches: Matches, R_start: np.ndarray, tolerance: float) -
 def lazy_pure_rotation(
     matches: Matches, R_start: np.ndarray, tolerance: float
 ) -> Callable[[], PureRotationFit]:
-    """`fit_pure_rotation` on its first call, cached: most motions never need it."""
+    """Function that calls `fit_pure_rotation` once and caches the result.
+
+    Most motions do not need the pure rotation, so it is computed on demand.
+    """
     fitted: list[PureRotationFit] = []
 
     def pure_rotation() -> PureRotationFit:

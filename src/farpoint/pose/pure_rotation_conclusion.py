@@ -1,6 +1,4 @@
-"""Conclusion from a pure rotation: whether the camera rotates or is static, and the covariance of
-the rotation.
-"""
+"""Result of a pure rotation: whether the camera rotates or is static, and the covariance."""
 
 from __future__ import annotations
 
@@ -38,10 +36,10 @@ def conclude_pure_rotation(
     options: RelativePoseOptions,
     diagnostics: Diagnostics,
 ) -> RelativePose:
-    """Result by the pure rotation fitted.
+    """Result from the fitted pure rotation.
 
-    The covariance of the result includes the difference to the general motion, in proportion to the
-    ``evidence`` for the general motion.
+    The covariance of the result includes the squared difference to the rotation of the general
+    motion, in proportion to the ``evidence`` for the general motion.
     """
     sigma, rate = fit.noise.sigma, options.false_alarm_rate
     inlier = fit.probability > 0.5
@@ -81,7 +79,7 @@ def conclude_pure_rotation(
 def _inflated_covariance(
     matches: Matches, fit: PureRotationFit, options: RelativePoseOptions, diagnostics: Diagnostics
 ) -> np.ndarray:
-    """Covariance (3, 3), rad^2, with the inflation by correlated residuals and common errors."""
+    """Covariance (3, 3), rad^2, inflated for correlated residuals and common errors."""
     ratio = split_half_ratio_of_rotation(matches, fit, options.half_splits)
     diagnostics.split_half_ratio = ratio
     inflation = inflation_by_halves(ratio, options.expected_half_ratio, 3 * options.half_splits)
@@ -94,8 +92,8 @@ def _inflated_covariance(
 def _covariance_if_general(fit: PureRotationFit, general: GeneralMotionFit) -> np.ndarray:
     """Covariance (3, 3), rad^2, of the pure rotation if the general motion is the true one.
 
-    The covariance is isotropic, because the axis of the difference depends on the unknown
-    direction.
+    The squared difference between both rotations is spread over all axes, because the axis of the
+    difference depends on the unknown direction.
     """
     apart = rotation_vector(fit.R_cam1_from_cam0 @ general.R_cam1_from_cam0.T)
     isotropic = 0.5 * math.hypot(*apart) ** 2 * IDENTITY

@@ -34,30 +34,32 @@ def estimate_relative_pose(
     points0, points1 : ndarray, shape (N, 2)
         Matching pixels in image 0 and image 1; the centre of the top-left pixel is (0, 0).
     camera0 : Camera
-        Camera of image 0, and of image 1 unless ``camera1`` is given. An uncertain one
+        Camera of image 0, and of image 1 unless ``camera1`` is given. The uncertainty of a camera
         (`Camera.with_uncertainty`) widens the covariance.
     camera1 : Camera, optional
         Camera of image 1.
     options : RelativePoseOptions, optional
-        Defaults serve tracks and still matches alike.
+        The defaults suit tracks of a video as well as matches of two photographs.
     seed : int
         Seed of the random samples; the same inputs, options and seed give the same result, bit for
         bit.
     covariance0_px2, covariance1_px2 : ndarray, shape (N, 2, 2), optional
-        Noise of each point, px^2, up to a common factor, which is estimated. If only one image has
-        covariances, the other has isotropic noise of their median variance.
+        Covariance of the noise of each point, px^2. A factor common to all covariances is
+        estimated, so only their ratios matter. If the covariances of only one image are given, the
+        noise of the other image is isotropic with the median of the given variances.
     readout_s : float, optional
         Read-out time of a rolling shutter from the first to the last row, s; negative if the last
-        row is read first. Both images have the same read-out time, and the velocities are constant
-        from one image to the other. The motion is that from middle row to middle row. Default: the
-        read-out time of ``camera0``, if ``interval_s`` is given; its 1-sigma widens the covariance.
+        row is read first. The read-out time is taken as equal for both images, and the velocities
+        of the camera as constant between the two views. The result is the motion between the times
+        at which the middle rows are read. Default: the read-out time of ``camera0``, if
+        ``interval_s`` is given; the 1-sigma of this default widens the covariance.
     interval_s : float, optional
         Time between the two views, s.
 
     Returns
     -------
     RelativePose
-        Too few or contradicting matches raise no error; the result has a status.
+        Too few or contradicting matches raise no error. ``status`` says what is observable.
 
     Raises
     ------
@@ -67,8 +69,8 @@ def estimate_relative_pose(
 
     Notes
     -----
-    Burschka and Mair, "Direct Pose Estimation with a Monocular Camera", Robot Vision 2008,
-    LNCS 4931, then refined to the maximum likelihood.
+    The estimate of Burschka and Mair, "Direct Pose Estimation with a Monocular Camera", Robot
+    Vision 2008, LNCS 4931, is refined to the maximum likelihood.
 
     Examples
     --------
@@ -101,9 +103,9 @@ def estimate_relative_pose_from_rays(
 ) -> RelativePose:
     """Motion between two views of any central camera, from rays (N, 3) in camera 0 and camera 1.
 
-    Arguments and result are those of `estimate_relative_pose`. The unit of noise is ``noise_rad``,
-    the 1-sigma noise of a ray in each direction, rad: ``noise_px`` of the result is a multiple of
-    ``noise_rad``.
+    ``options``, ``seed`` and the result have the same meaning as in `estimate_relative_pose`.
+    ``noise_rad`` is the 1-sigma noise of a ray in each direction, rad. The attribute ``noise_px``
+    of the result is the estimated noise as a multiple of ``noise_rad``.
     """
     options = options or DEFAULTS
     matches = matches_from_rays(rays0, rays1, noise_rad)

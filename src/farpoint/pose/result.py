@@ -20,7 +20,7 @@ __all__ = ["PoseStats", "PoseStatus", "RelativePose", "TrackLabel"]
 
 
 class PoseStatus(Enum):
-    """Which quantities are observable; the values are the words written to files."""
+    """Which quantities of a motion are observable. Files contain the values, such as ``OK``."""
 
     OK = "OK"
     """Rotation and direction of translation, both with covariance."""
@@ -36,11 +36,11 @@ class TrackLabel(IntEnum):
     """Label of a match."""
 
     OUTLIER = 0
-    """Contradicts the motion: a mismatch or a moving object."""
+    """The match contradicts the motion: a mismatch or a moving object."""
     FAR = 1
-    """Moves by the rotation alone, within the noise."""
+    """The point moves by the rotation alone, within the noise."""
     NEAR = 2
-    """Shows translation: its parallax exceeds the noise."""
+    """The point shows translation: the parallax of the point exceeds the noise."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,19 +50,21 @@ class PoseStats:
     Attributes
     ----------
     matches, far, near, outliers : int
-        Number of matches given, and of each label.
+        Number of given matches, and number of matches with each label.
     iterations : int
         Hypotheses tried by the consensus search.
     cost : float or None
-        Mean negative log likelihood of a match at the estimate; None where nothing was fitted.
+        Mean negative log likelihood of a match at the estimate; None if no motion was fitted.
     sign_probability : float or None
-        Probability of the sign of the direction; None without a direction.
+        Probability of the direction as compared with the opposite direction; None without a
+        direction.
     sharing : float
-        Design effect: factor on the covariance for residuals that are correlated between
-        neighbours; 1 for independent residuals.
+        Design effect: factor by which the covariance is multiplied because residuals of
+        neighbouring matches are correlated; 1 for independent residuals.
     half_ratio : float or None
-        Split-half ratio: squared difference of the poses by halves of the matches, over its
-        expected value by the covariance; None without splits (`RelativePoseOptions.half_splits`).
+        Split-half ratio: squared difference between the poses from two halves of the matches,
+        divided by the value that the covariances predict. None without splits
+        (`RelativePoseOptions.half_splits`).
     search_s, refinement_s, covariance_s : float
         Time spent in each stage, seconds.
     """
@@ -93,7 +95,7 @@ class RelativePose:
     status : PoseStatus
         Which of the quantities below are observable.
     reason : str
-        The condition behind the status, in a sentence or two for a person.
+        Explanation of the status in one or two sentences for a human reader.
     rotation_cam1_from_cam0 : ndarray, shape (3, 3), or None
         Present unless status is FAILED.
     rotation_covariance : ndarray, shape (3, 3), or None
@@ -107,8 +109,8 @@ class RelativePose:
     labels : ndarray of uint8, shape (N,)
         A `TrackLabel` for every match; all OUTLIER when status is FAILED.
     noise_px : float or None
-        Estimated 1-sigma noise of a match per coordinate of each image, pixels. With rays given
-        instead of pixels it is a multiple of the given ``noise_rad``.
+        Estimated 1-sigma noise of a match per coordinate of each image, pixels. For an estimate
+        from rays, the noise is given as a multiple of ``noise_rad``.
     stats : PoseStats
         Diagnostics.
     """
@@ -154,12 +156,13 @@ class RelativePose:
         Parameters
         ----------
         confidence : float
-            Probability, between 0 and 1.
+            Probability that the region contains the true heading, between 0 and 1.
 
         Returns
         -------
         ndarray, shape (K, 3), or None
-            Unit rays in camera 0, closed (the last is the first); None unless status is OK.
+            Unit rays in camera 0 along a closed curve: the last ray equals the first. None unless
+            status is OK.
         """
         if not 0.0 < confidence < 1.0:
             raise InputError(
@@ -171,23 +174,24 @@ class RelativePose:
         return confidence_ring(heading, covariance, confidence)
 
     def epipole_ellipse_px(self, camera: Camera, confidence: float = 0.95) -> np.ndarray | None:
-        """Boundary, in image 0, of the region that contains the epipole with this probability.
+        """Boundary, in image 0, of the region that contains the epipole.
 
-        The boundary is the projection of `heading_region`: an ellipse for a small region and a lens
-        without distortion. If only the opposite of the heading is in view, as for a pinhole that
-        travels backwards, the region is around this opposite point.
+        The boundary is the projection of `heading_region`: an ellipse if the region is small and
+        the lens has no distortion. If only the direction opposite to the heading is in view, as for
+        a pinhole camera that travels backwards, the region surrounds that opposite direction.
 
         Parameters
         ----------
         camera : Camera
             Camera of image 0.
         confidence : float
-            Probability, between 0 and 1.
+            Probability that the region contains the epipole, between 0 and 1.
 
         Returns
         -------
         ndarray, shape (K, 2), or None
-            Pixels, closed; NaN where the lens does not see the boundary. None unless status is OK.
+            Pixels along a closed curve: the last pixel equals the first. NaN where the lens does
+            not see the boundary. None unless status is OK.
         """
         ring, heading = self.heading_region(confidence), self.heading_cam0
         if ring is None or heading is None:
@@ -198,23 +202,24 @@ class RelativePose:
     def pose_covariance(
         self, scale: float, scale_sigma: float, order: PoseOrder | str = PoseOrder.ROS
     ) -> np.ndarray | None:
-        """Covariance of the metric motion, with a length from another sensor.
+        """Covariance of the metric motion, given the length of the translation.
 
         Parameters
         ----------
         scale, scale_sigma : float
-            Length of the translation and its 1-sigma, in m or any other unit, which is then the
-            unit of the result. The error of the length is taken as independent of this estimate. A
-            sigma of 0 gives a covariance of rank 5.
+            Length of the translation and its 1-sigma, from another sensor, in m or any other unit
+            of length. The error of the length is taken as independent of the errors of this motion.
+            A sigma of 0 gives a covariance of rank 5.
         order : PoseOrder or str
             ``"ros"``: ``[translation, rotation]`` of the pose of camera 1 in camera 0.
             ``"colmap"``: ``[rotation, translation]`` of ``cam1_from_cam0``. See `PoseOrder` for
-            axes and sides.
+            the axes and the side of the perturbation.
 
         Returns
         -------
         ndarray, shape (6, 6), or None
-            In rad and the unit of ``scale``, squared; None unless status is OK.
+            Covariance in rad^2, in the squared unit of ``scale``, and in their mixed products.
+            None unless status is OK.
 
         Raises
         ------
@@ -232,7 +237,7 @@ class RelativePose:
     def to_gtsam_factor(
         self, key0: int, key1: int, *, scale: float | None = None, scale_sigma: float = 0.0
     ) -> Any:
-        """Factor of a GTSAM graph for this motion, between two poses ``world_from_cam``.
+        """GTSAM factor of this motion, between two variables ``world_from_cam``.
 
         Parameters
         ----------
@@ -244,8 +249,9 @@ class RelativePose:
         Returns
         -------
         gtsam.EssentialMatrixConstraint, gtsam.BetweenFactorPose3 or None
-            Without a scale an EssentialMatrixConstraint (rotation and direction, 5 degrees of
-            freedom), with a scale a BetweenFactorPose3 (6). None unless status is OK.
+            Without a scale, an EssentialMatrixConstraint: rotation and direction, 5 degrees of
+            freedom. With a scale, a BetweenFactorPose3: 6 degrees of freedom. None unless status is
+            OK.
 
         Raises
         ------

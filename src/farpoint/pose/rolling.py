@@ -1,4 +1,4 @@
-"""The motion between two views of a rolling shutter, as a fixed point of its correction."""
+"""The motion between two rolling-shutter views, as a fixed point of the shutter correction."""
 
 from __future__ import annotations
 
@@ -27,11 +27,12 @@ class Searched(NamedTuple):
     Attributes
     ----------
     fit : GeneralMotionFit
-        The likeliest.
+        The likeliest motion.
     theta : ndarray, shape (3,)
-        Rotation vector that was undone for it, rad.
+        Rotation vector, rad, that was undone in the rows before the search.
     other : GeneralMotionFit, optional
-        A predicted one in another direction, to be compared after correction of the rows.
+        The predicted motion, if its direction differs. Both motions are compared after correction
+        of the rows.
     """
 
     fit: GeneralMotionFit
@@ -42,8 +43,9 @@ class Searched(NamedTuple):
 def search_rolling(
     shutter: Shutter | None, pixels: PixelMatches, options: RelativePoseOptions, seed: int
 ) -> Searched | None:
-    """Search for the motion with the rotation predicted for each row undone; None for too few
-    matches.
+    """Search for the motion after the predicted rotation of each row is undone.
+
+    The result is None for too few matches.
     """
     theta = np.zeros(3)
     if shutter is None or shutter.angular_prior is None or shutter.angular_prior.before is None:
@@ -61,13 +63,13 @@ def estimate_rolling(
     seed: int,
     searched: Searched | None,
 ) -> RelativePose:
-    """Estimate the motion with a rotation vector equal to its own rotation undone in each row.
+    """Estimate the motion so that the rotation undone in the rows equals the estimated rotation.
 
-    The estimate is a fixed point: an error of the undone rotation returns in the estimate,
-    multiplied by the read-out phase of a match. A Newton step removes the mean of this error over
-    the matches. The remaining error shrinks in every pass by the scatter of the phases. Without a
-    motion ``searched`` a first search finds the initial rotation, and each pass begins with another
-    search.
+    The estimate is a fixed point. An error of the undone rotation causes an error of the estimate
+    in each match, in proportion to the read-out phases of the match. A Newton step removes the mean
+    of this error over the matches. The remaining error becomes smaller in every pass, by a factor
+    equal to the scatter of the phases. If no motion ``searched`` is given, a first search finds the
+    initial rotation, and each pass begins with another search.
     """
     theta, start = np.zeros(3), None
     if searched is not None:
@@ -100,7 +102,7 @@ def estimate_rolling(
 def _closer(
     shutter: Shutter, pixels: PixelMatches, searched: Searched
 ) -> tuple[GeneralMotionFit, np.ndarray]:
-    """The likelier motion after correction of the rows, and its rotation."""
+    """The likelier motion of ``searched`` after correction of the rows, and its rotation vector."""
     closer = _closer_to(shutter, pixels, searched.fit, searched.theta)
     if searched.other is None:
         return closer
@@ -111,8 +113,9 @@ def _closer(
 def _closer_to(
     shutter: Shutter, pixels: PixelMatches, fit: GeneralMotionFit, theta: np.ndarray
 ) -> tuple[GeneralMotionFit, np.ndarray]:
-    """A motion and its rotation, refitted until the remaining error of the rotation is within its
-    noise.
+    """A motion and its rotation vector, refitted until the error of the undone rotation is small.
+
+    The error is small if it is within the noise of the rotation.
     """
     theta, _ = _unrolled(shutter, fit.R_cam1_from_cam0, fit.matches.used(fit.labels), theta)
     for _ in range(ALTERNATIONS):
@@ -126,7 +129,7 @@ def _closer_to(
 
 
 def _remaining(shutter: Shutter, matches: Matches, change: np.ndarray, noise: float) -> float:
-    """Error of the rotation (3,) that the last change leaves to the next pass, in sigmas."""
+    """Error of the rotation that remains after a ``change`` (3,) of the rotation, in sigmas."""
     spread = abs(shutter.share) * float(np.std(shutter.phase1 - shutter.phase0))
     # Of a rotation by all matches: the stated sigma is larger where two modes compete.
     sigma = noise / float(np.sqrt(np.sum(matches.precision)))
@@ -136,9 +139,10 @@ def _remaining(shutter: Shutter, matches: Matches, change: np.ndarray, noise: fl
 def _unrolled(
     shutter: Shutter, R_cam1_from_cam0: np.ndarray, used: np.ndarray, theta: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """Rotation vector of a motion estimated with ``theta`` undone, and the mean time between rows.
+    """Rotation vector of a motion, and the mean time between the rows of the matches ``used``.
 
-    Over the matches ``used``, indices.
+    The motion was estimated with the rotation vector ``theta`` undone in the rows. ``used`` holds
+    indices of matches.
     """
     time_between = shutter.time_between(used)
     found = so3.log(R_cam1_from_cam0)

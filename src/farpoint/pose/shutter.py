@@ -1,12 +1,14 @@
 """A rolling shutter in two views: rays corrected to the time of the middle row of each image.
 
 The rows of an image are read one after the other while the camera rotates. A row of phase ``q``
-(-1/2 for the first row to 1/2 for the last) is read ``q r`` after the middle row, with ``r`` the
-read-out time. The velocities are constant over the time ``T`` between the two views, and ``theta``
-is the rotation vector over ``T``. When the row is read, the camera has rotated by the share ``q r /
-T`` of ``theta``: in the axes of the middle row a ray ``b`` is ``Exp(-q r / T theta) b``. The camera
-positions of two rows are ``1 + (q1 - q0) r / T`` times the translation apart, along the same
-direction. With such rays the epipolar constraint is that of a global shutter.
+(-1/2 for the first row to 1/2 for the last) is read ``q r`` after the middle row, where ``r`` is
+the read-out time. The velocities are constant over the time ``T`` between the two views, and
+``theta`` is the rotation vector over ``T``. When the row is read, the camera has rotated by the
+share ``q r / T`` of ``theta`` since the middle row. A ray ``b`` of this row is therefore ``Exp(-q r
+/ T theta) b`` in the axes of the middle row. The distance between the camera positions of two rows
+is ``1 + (q1 - q0) r / T`` times the translation, and the direction between these positions is that
+of the translation. The corrected rays therefore satisfy the epipolar constraint of a global
+shutter.
 """
 
 from __future__ import annotations
@@ -27,17 +29,20 @@ __all__ = ["AngularVelocityPrior", "Shutter", "shutter_of"]
 class AngularVelocityPrior(NamedTuple):
     """Prior of the camera's angular velocity at the two views.
 
-    The angular velocity is linear in time, through the mean over the interval before image 0;
-    without this mean it is constant. For a velocity w(t) with means over (-1, 0) and (0, 1), w(0)
-    and w(1) differ from the line through these means by -1/6 and 1/3 of its second derivative, and
-    from the last mean by -1/2 and 1/2 of its first derivative (Taylor).
+    If the mean angular velocity over the interval before image 0 is known, the prior is a linear
+    angular velocity with this mean; otherwise the prior is a constant angular velocity. Let w(t)
+    have known means over the intervals (-1, 0) and (0, 1). w(0) and w(1) differ from the line
+    through these means by -1/6 and 1/3 of the second derivative of w, and from the mean over (0, 1)
+    by -1/2 and 1/2 of the first derivative of w (Taylor).
 
     Attributes
     ----------
     before : ndarray, shape (3,), or None
-        Rotation vector over the same time before image 0, rad in its axes.
+        Rotation vector, rad, in the axes of image 0, over an interval before image 0 as long as the
+        time between the views.
     sigma : float
-        1-sigma of each coordinate of that derivative, rad in units of the time between the views.
+        1-sigma of each coordinate of the unknown derivative of the angular velocity, in rad, with
+        the time between the views as the unit of time.
     """
 
     before: np.ndarray | None
@@ -45,31 +50,33 @@ class AngularVelocityPrior(NamedTuple):
 
     @property
     def by_derivative(self) -> tuple[float, float]:
-        """Factors of the unknown derivative in the angular velocity at images 0 and 1."""
+        """Factors by which the unknown derivative changes the angular velocity at images 0, 1."""
         return (-0.5, 0.5) if self.before is None else (-1.0 / 6.0, 1.0 / 3.0)
 
     def largest_error(self) -> float:
-        """The larger of the two 1-sigmas of the angular velocity."""
+        """The larger 1-sigma of the angular velocity: that at image 0 or that at image 1."""
         return self.sigma * max(map(abs, self.by_derivative))
 
 
 class Shutter(NamedTuple):
-    """Read-out time over the time between two views, and the read-out phases of the matches.
+    """Relative read-out time of two views, and the read-out phases of the matches.
 
     Attributes
     ----------
     share : float
-        ``r / T``; negative where the last row is read first.
+        Read-out time divided by the time between the views, ``r / T``; negative if the last row is
+        read first.
     sigma : float
-        1-sigma of it.
+        1-sigma of ``share``.
     phase0, phase1 : ndarray, shape (N,)
         Phases of the rows in each image, -1/2 to 1/2.
     phase_per_px : float
         Change of the phase from one row to the next.
     angular_prior : AngularVelocityPrior or None
-        None: the angular velocity is constant.
+        Prior of the angular velocity; None if the angular velocity is constant.
     derivative : ndarray, shape (3,)
-        Error of the prior's derivative of the angular velocity, rad in units of the interval.
+        Value of the unknown derivative of the angular velocity (`AngularVelocityPrior`), in rad,
+        with the time between the views as the unit of time.
     """
 
     share: float
@@ -82,12 +89,13 @@ class Shutter(NamedTuple):
 
     @property
     def angular_prior_sigma(self) -> float:
-        """1-sigma of each coordinate of the derivative."""
+        """1-sigma of each coordinate of ``derivative``."""
         return 0.0 if self.angular_prior is None else self.angular_prior.sigma
 
     def rate(self, theta: np.ndarray, image: int) -> np.ndarray:
-        """Angular velocity (3,) at the middle row of image 0 or 1, in rad per time between the
-        views.
+        """Angular velocity (3,) at the middle row of image 0 or 1.
+
+        The unit is rad per time between the views.
         """
         if self.angular_prior is None:
             return theta
@@ -103,10 +111,11 @@ class Shutter(NamedTuple):
     def unrolled(
         self, theta: np.ndarray, image: int, rays: np.ndarray, by_pixel: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Rays (N, 3) of image 0 or 1 in the axes of its middle row, for a rotation vector.
+        """Rays (N, 3) of image 0 or 1 in the axes of the middle row of that image.
 
-        The function also returns the derivatives by the pixel (N, 3, 2): a pixel one row lower is
-        also read one row later.
+        ``theta`` is the rotation vector between the views. The function also returns the
+        derivatives (N, 3, 2) of the rays by the pixel, which take into account that the next lower
+        row is read later.
         """
         rate, unrolled = (
             self.share * self.rate(theta, image),
@@ -116,17 +125,20 @@ class Shutter(NamedTuple):
         return unrolled
 
     def columns_unrolled(self, theta: np.ndarray, image: int, columns: np.ndarray) -> np.ndarray:
-        """Columns (N, 3, K) of image 0 or 1 in the axes of its middle row."""
+        """K vectors (N, 3, K) per match of image 0 or 1, in the axes of the middle row."""
         rotated = np.empty(columns.shape)
         rotate_rows(columns, self.phases(image), self.share * self.rate(theta, image), rotated)
         return rotated
 
     def select(self, rows: np.ndarray) -> Shutter:
-        """The shutter of these matches."""
+        """The shutter of the given rows of the matches."""
         return self._replace(phase0=self.phase0[rows], phase1=self.phase1[rows])
 
     def time_between(self, rows: np.ndarray) -> float:
-        """Mean time between the views of some matches, over the time between the middle rows."""
+        """Mean time between the two rows of a match, over the time between the middle rows.
+
+        The mean is over the matches ``rows``.
+        """
         apart = self.phase1[rows] - self.phase0[rows]
         return 1.0 + self.share * float(np.mean(apart)) if len(apart) else 1.0
 
@@ -141,13 +153,13 @@ def shutter_of(
 ) -> Shutter | None:
     """The shutter of matches (N, 2); None if the shutter is global or unknown.
 
-    Without ``readout_s`` it is that of the camera, with its 1-sigma.
+    If ``readout_s`` is None, the read-out time and its 1-sigma are those of the camera.
 
     Raises
     ------
     InputError
-        For invalid points or times, without ``interval_s``, or a camera without the images'
-        size.
+        If points or times are invalid, if ``readout_s`` is given without ``interval_s``, or if the
+        camera has no image size.
     """
     if readout_s is None and interval_s is None:
         return None

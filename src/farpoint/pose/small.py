@@ -1,4 +1,4 @@
-"""Functions of single 3 x 3 matrices as plain numbers, because NumPy takes 10 times as long."""
+"""Functions of single 3 x 3 matrices in plain Python, because NumPy takes 10 times as long."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def size2(v: tuple[float, float, float], covariance: np.ndarray) -> float:
 
 
 def _inverse(A: np.ndarray) -> tuple[float, float, float, float, float, float] | None:
-    """The upper triangle of `inverse_three`, by rows."""
+    """The upper triangle of the inverse matrix, row by row (see `inverse_three`)."""
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = A.tolist()
     first = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
     determinant = xx * first[0] + xy * first[1] + xz * first[2]

@@ -1,10 +1,10 @@
-"""Pairs of images with two motions: that of the camera, and that of an object or of stationary
-matches.
+"""Image pairs with a second motion, of a moving object or of matches fixed in the image.
 
 A merged mode between the two motions explains all matches with more noise. The merged mode may be
-likelier, because the noise scale is free. It has two signs: matches that stand still in the image
-while the others move (dirt on the lens, the bonnet, a caption), and residuals that are correlated
-between neighbours until the matches are split into two motions.
+likelier than the motion of the camera, because the noise scale is free. There are two signs of a
+merged mode. First, some matches stand still in the image while the other matches move (dirt on the
+lens, the bonnet, a caption). Second, residuals of neighbours are correlated, and the correlation
+vanishes if the matches are split into two motions.
 """
 
 from __future__ import annotations
@@ -64,11 +64,12 @@ def without_stationary(
     options: RelativePoseOptions,
     state: np.ndarray,
 ) -> tuple[Matches, GeneralMotionFit]:
-    """The matches and their fit, without stationary matches that contradict the other matches.
+    """The matches without stationary matches that contradict the other matches, and a new fit.
 
-    Stationary matches are left out if they contradict the motion of the other matches, and if more
-    of the other matches agree on this motion than matches stand still. Far points stand still if
-    the camera does not rotate; they contradict no motion.
+    Stationary matches are matches that do not move in the image. They are left out under two
+    conditions: they contradict the motion of the other matches, and they are fewer than the matches
+    that agree on that motion. If the camera does not rotate, far points are stationary, too, but
+    far points contradict no motion.
     """
     stationary = np.empty(len(matches), bool)
     within = min(GATE_SIGMA * fit.noise.sigma, tolerance)
@@ -101,13 +102,13 @@ def dominant_motion(
     options: RelativePoseOptions,
     state: np.ndarray,
 ) -> GeneralMotionFit:
-    """The fit, or the dominant motion if the fit is a merged mode of the dominant and another
-    motion.
+    """The fit, or the dominant of two motions if the fit is a merged mode of these two motions.
 
-    If the noise is bounded by its part that is independent between neighbours, either motion is
-    likelier than the merged mode. A split counts if the residuals have a gap between the two
-    motions, and are independent within each. Otherwise the fit stays, unless the search with
-    bounded noise found a motion that is clearly likelier.
+    If the noise is limited to the part of the residuals that is independent between neighbours,
+    each of the two motions is likelier than the merged mode. A split into two motions is accepted
+    if the residuals have a gap between the two motions, and if the residuals within each motion are
+    independent. Without an accepted split the fit is returned, unless a search with bounded noise
+    finds a clearly likelier motion.
     """
     if (
         fit.neighbours.correlation < SUSPECT_CORRELATION
@@ -136,8 +137,8 @@ def dominant_motion(
 def _independent_variance(fit: GeneralMotionFit) -> float:
     """Part of the residual variance that is independent between neighbours.
 
-    The estimate includes core and heavy tail, because matches of a second motion may be in the
-    tail.
+    The estimate includes the heavy tail of the noise, because matches of a second motion may be in
+    the tail.
     """
     sigma = MAD_TO_SIGMA * float(np.median(np.abs(fit.residual[fit.probability > 0.5])))
     return max(1.0 - fit.neighbours.correlation, MIN_INDEPENDENT_SHARE) * sigma**2
@@ -146,8 +147,9 @@ def _independent_variance(fit: GeneralMotionFit) -> float:
 def _split(
     matches: Matches, fit: GeneralMotionFit, start: GeneralMotionFit
 ) -> GeneralMotionFit | None:
-    """The motion near a start if most matches agree with it and other matches agree on another
-    motion.
+    """The motion near ``start``, if this motion is the dominant of two motions; else None.
+
+    Most matches must agree with the motion, and the other matches must agree on a second motion.
     """
     variance = _independent_variance(fit)
     residual = np.abs(evaluate_matches(matches, start)[0, fit.probability > 0.5])
@@ -164,7 +166,7 @@ def _split(
 
 
 def _has_gap(residual: np.ndarray, bound: float) -> bool:
-    """Whether residuals beyond a bound are no tail of those within."""
+    """Whether residuals beyond a bound belong to another motion, not to the tail of the noise."""
     agreeing, near = np.count_nonzero(residual < bound), np.count_nonzero(residual < 2.0 * bound)
     tail, moved = near - agreeing, residual.size - agreeing
     return bool(tail < min(GAP_OF_MOVED * moved, GAP_OF_AGREEING * agreeing))
@@ -173,10 +175,10 @@ def _has_gap(residual: np.ndarray, bound: float) -> bool:
 def _of_two_parts(matches: Matches, fit: GeneralMotionFit) -> Iterator[GeneralMotionFit]:
     """The motions of the two parts of the image that two motions explain best.
 
-    Each part is a set of patches. A motion of its own leaves a part, to first order, the residuals
-    ``r + J x`` with ``x = -H^-1 g``, the gradient g and the information H at the fit. The first
-    split is the best of some discs and the matches outside it. Then each patch moves to the part
-    that fits it better.
+    Each part is a set of patches. To first order, the residuals of a part under the best motion of
+    that part are ``r + J x`` with ``x = -H^-1 g``, where g is the gradient and H the information of
+    the part at the fit. The first split is into the best of some discs and the matches outside that
+    disc. Then each patch moves to the part whose motion fits the patch better.
     """
     if len(matches) < 2 * MIN_PART_MATCHES:
         return
@@ -201,8 +203,9 @@ def _of_two_parts(matches: Matches, fit: GeneralMotionFit) -> Iterator[GeneralMo
 
 
 def _best_disc(rays: np.ndarray, rows: np.ndarray, total: np.ndarray) -> np.ndarray:
-    """Mask (N,) of the disc around one of the rays that leaves the smallest residuals with two
-    motions.
+    """Mask (N,) of the matches in the best disc around one of the rays.
+
+    For the best disc, a motion inside and a motion outside the disc leave the smallest residuals.
     """
     some = np.arange(0, len(rays), max(len(rays) // DISC_MATCHES, 1))
     n, scale = len(some), len(rays) / len(some)
@@ -226,12 +229,12 @@ def _own_steps(squares: np.ndarray) -> np.ndarray:
 
 
 def _left_over(squares: np.ndarray) -> np.ndarray:
-    """Sums (K,) of squared residuals after these steps."""
+    """Sums (K,) of squared residuals after the steps of `_own_steps`."""
     return squares[:, 0, 0] + np.sum(squares[:, 1:, 0] * _own_steps(squares), axis=1)
 
 
 def _linearised(matches: Matches, fit: GeneralMotionFit) -> tuple[np.ndarray, np.ndarray]:
-    """Residuals (N,) in units of the noise, and their derivatives (N, 5) by ``[dtheta, dbeta]``."""
+    """Residuals (N,) in units of the noise, and derivatives (N, 5) by ``[dtheta, dbeta]``."""
     t, a, b = fit.direction_cam1_from_cam0, matches.rays0 @ fit.R_cam1_from_cam0.T, matches.rays1
     normal = cross(t, a)
     scale = np.sqrt(matches.precision) / np.maximum(

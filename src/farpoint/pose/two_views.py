@@ -1,5 +1,7 @@
-"""The whole method: rotation from far rays, direction from the remaining flow, joint refinement,
-and model selection by what is observable.
+"""The whole two-view method.
+
+The rotation comes from far rays, and the direction from the remaining flow. Both are refined
+jointly. Tests then decide which quantities are observable.
 """
 
 from __future__ import annotations
@@ -55,7 +57,7 @@ def estimate(
     seed: int,
     start: GeneralMotionFit | None = None,
 ) -> RelativePose:
-    """The motion of the matches. With a ``start`` from an earlier search there is no new search."""
+    """The motion of the matches. If a ``start`` from an earlier search is given, none is made."""
     diagnostics = Diagnostics()
     if len(matches) < MIN_MATCHES:
         return failed_pose(
@@ -69,7 +71,10 @@ def estimate(
 
 
 def shows_direction(matches: Matches, pose: RelativePose, options: RelativePoseOptions) -> bool:
-    """Whether matches seen with another lens also show a direction, near a known motion."""
+    """Whether the matches, seen through another lens, also show a direction.
+
+    The fit of the matches starts from a known ``pose``.
+    """
     if len(matches) < MIN_MATCHES:
         return False
     start, rate = start_at(pose), options.false_alarm_rate
@@ -124,9 +129,9 @@ def _find(
 def _with_noise_floor(
     matches: Matches, general: GeneralMotionFit, start: GeneralMotionFit | None
 ) -> tuple[Matches, GeneralMotionFit | None]:
-    """The matches with the noise floor of their given noise, and the start of a refinement.
+    """The matches with a noise floor added to the given noise, and the start of a refinement.
 
-    Without a floor, both are returned as they are.
+    If the noise floor is zero, the matches and the start are returned unchanged.
     """
     floor = noise_floor(matches, general)
     if not floor or matches.given_noise is None:
@@ -138,7 +143,7 @@ def _with_noise_floor(
 def _note_disturbances(
     stationary: int, general: GeneralMotionFit, diagnostics: Diagnostics
 ) -> None:
-    """Append to the reason what disturbed the estimate: stationary or correlated matches."""
+    """Add a note to the reason if stationary or correlated matches disturbed the estimate."""
     if stationary:
         diagnostics.note(
             f"Stationary matches: {stationary} matches stand still in the image and move "

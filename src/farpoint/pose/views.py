@@ -1,6 +1,4 @@
-"""Motion between two views of cameras with a shutter: from pixels to a motion with lens
-uncertainty.
-"""
+"""Motion between two views, from pixels, with rolling shutter and uncertain lenses."""
 
 from __future__ import annotations
 
@@ -29,7 +27,7 @@ __all__ = ["Views", "estimate_views", "rough_motion", "search_views"]
 class Views(NamedTuple):
     """The arguments of `estimate_relative_pose`.
 
-    With an ``angular_prior`` the angular velocity need not be constant.
+    If an ``angular_prior`` is given, the angular velocity need not be constant.
     """
 
     points0: np.ndarray
@@ -43,14 +41,14 @@ class Views(NamedTuple):
     angular_prior: AngularVelocityPrior | None = None
 
     def shutter(self) -> Shutter | None:
-        """Their shutter; None where it is global."""
+        """The shutter of the views; None for a global shutter."""
         points = self.points0, self.points1
         return shutter_of(
             self.camera0, *points, self.readout_s, self.interval_s, self.angular_prior
         )
 
     def pixels(self) -> PixelMatches:
-        """What the cameras see at the pixels."""
+        """The pixels with the rays of the cameras."""
         return PixelMatches.of(*self[:6])
 
 
@@ -60,10 +58,10 @@ def estimate_views(
     seed: int,
     searched: Searched | None = None,
 ) -> RelativePose:
-    """The motion between two views. A motion ``searched`` from the same matches replaces the
-    search.
+    """The motion between two views.
 
-    That search may have used their pixels before correction.
+    If a motion ``searched`` from the same matches is given, there is no new search. The earlier
+    search may have used the pixels before they were corrected.
     """
     shutter = views.shutter()
     pixels, start = views.pixels(), None if searched is None else searched.fit
@@ -74,7 +72,7 @@ def estimate_views(
         pose = estimate(pixels.matches(), tolerance, options, seed, start)
 
     def is_observable(camera0: Camera, camera1: Camera, shutter: Shutter | None) -> bool:
-        """Whether other lenses and another shutter show a direction, too."""
+        """Whether the matches also show a direction with other lenses and another shutter."""
         pixels, undone = views._replace(camera0=camera0, camera1=camera1).pixels(), None
         R = pose.rotation_cam1_from_cam0
         if shutter is not None and R is not None:
@@ -94,7 +92,7 @@ def search_views(
     seed: int,
     predicted: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Searched | None:
-    """The motion found by a search, or a motion near the predicted one if that is clearly likelier.
+    """The motion found by a search, or a clearly likelier motion near the predicted motion.
 
     ``predicted`` is a rotation and a direction, cam1_from_cam0. The result is None for too few
     matches.
@@ -117,7 +115,7 @@ def search_views(
 def rough_motion(
     searched: Searched, options: RelativePoseOptions
 ) -> tuple[np.ndarray, np.ndarray | None]:
-    """Rotation, cam1_from_cam0, of a search, and the direction if there is evidence for it."""
+    """Rotation, cam1_from_cam0, found by a search, and the direction if the matches show one."""
     fit = searched.fit
     if is_clearly_translating(fit):
         return fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0

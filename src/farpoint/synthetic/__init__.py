@@ -1,4 +1,4 @@
-"""Synthetic scenes with exact truth: point sets and rendered images."""
+"""Synthetic scenes with exact ground truth: point sets and rendered images."""
 
 from farpoint.synthetic.bound import cramer_rao_bound, rotation_cramer_rao_bound
 from farpoint.synthetic.handheld import HandheldTracks

@@ -14,11 +14,12 @@ __all__ = ["cramer_rao_bound", "rotation_cramer_rao_bound"]
 def cramer_rao_bound(scene: PointScene) -> np.ndarray:
     """Least covariance of ``[dtheta (3), dbeta (2)]``, rad^2, of an unbiased estimate.
 
-    All inliers count, near and far; the inliers and the noise are taken as known. The unknowns are
-    the pose (perturbed on the left, direction on its tangent plane
-    ``sphere.tangent_basis(direction)``) and the three coordinates of every scene point, each seen
-    in two images with normal noise. The points are eliminated by the Schur complement. With A the
-    Jacobian of the pixel in image 1 by the pose, U and V those of both pixels by the point::
+    All inliers, near and far, contribute. It is taken as known which matches are inliers, and how
+    large the noise is. The unknowns are the pose and the three coordinates of every scene point.
+    The rotation is perturbed on the left, and the direction in its tangent plane
+    ``sphere.tangent_basis(direction)``. Every point is seen in two images with normal noise. The
+    points are eliminated by the Schur complement. A is the Jacobian of the pixel in image 1 by the
+    pose. U and V are the Jacobians by the point of the pixels in image 1 and image 0::
 
         information = sum A.T (I - U (U.T U + V.T V)^-1 U.T) A / noise^2
 
@@ -29,7 +30,8 @@ def cramer_rao_bound(scene: PointScene) -> np.ndarray:
     Raises
     ------
     InputError
-        If the direction has no information: no translation, no noise or too few matches.
+        If the bound of the direction does not exist: the scene has no translation, no noise or too
+        few matches.
     """
     direction = scene.direction_cam1_from_cam0
     if direction is None:

@@ -18,10 +18,10 @@ __all__ = ["HandheldTracks"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HandheldTracks:
-    """Tracks from exact geometry, without images. Iteration gives the matches of consecutive
-    frames.
+    """Tracks from exact geometry, without images. Iteration gives matches of consecutive frames.
 
-    The camera swings slowly along all axes. Errors add up along a track, as in a tracker.
+    The camera swings slowly along and about all axes. The errors of successive matches add up along
+    a track, as in a tracker.
 
     Attributes
     ----------
@@ -32,13 +32,14 @@ class HandheldTracks:
     seed : int
         Seed of motion, points and errors.
     readout_s : float
-        Read-out time of a frame, first row to last, s; the pose of a frame is that of its middle.
+        Read-out time of a frame, first row to last, s. The pose of a frame is the pose at the time
+        of the middle row.
     noise_px : float
-        1-sigma of a coordinate of a match.
+        1-sigma of the noise on each coordinate of a match, px.
     points : int
         Number of points, in a room 6 m wide and 1.5 to 5 m deep.
     fps : float
-        Frames a second.
+        Frames per second.
     """
 
     camera: Camera
@@ -104,7 +105,7 @@ class HandheldTracks:
         return so3.exp([0.20, 0.25, 0.10] * swings[0]), [0.25, 0.20, 0.15] * swings[1]
 
     def _seen(self, X: np.ndarray, frame: int) -> np.ndarray:
-        """Pixels (N, 2), each at the time at which its own row is read; NaN outside the image."""
+        """Pixels (N, 2) of points at the times at which their rows are read; NaN if not in view."""
         assert self.camera.size is not None
         width, height = self.camera.size
         pixels = np.full((len(X), 2), [0.0, 0.5 * (height - 1)])

@@ -19,17 +19,19 @@ class ImagingOptions:
     Attributes
     ----------
     noise_grey : float
-        1-sigma of the normal noise on every pixel, grey levels; rounding adds 0.29.
+        1-sigma of the normal noise on every pixel, grey levels. Rounding to whole grey levels adds
+        noise of 0.29 grey levels.
     exposure_swing : float
         Relative amplitude, 0 to 0.5, of slow changes of the exposure.
     readout_s : float
         Read-out time of a frame, first row to last, s, 0 to 1; 0 for a global shutter. The time of
         a frame, and its true pose, are those of the middle row.
     exposure_s : float
-        Exposure of each row, s, 0 to 1; its middle is the time of the row. 0: no motion blur.
+        Exposure time of each row, s, 0 to 1; 0 for no motion blur. The time of a row is the middle
+        of its exposure.
     exposure_samples : int
-        Number of times, evenly spread over an exposure that is not 0, whose mean is the image; odd,
-        1 to 99, so that one of them is the middle.
+        Number of images that are averaged for motion blur, odd, 1 to 99. The times of these images
+        are spread evenly over the exposure. One of them is the middle of the exposure.
     """
 
     noise_grey: float = 1.0
@@ -54,14 +56,12 @@ class ImagingOptions:
         return self.readout_s == self.exposure_s == 0.0
 
     def row_delays_s(self, rows: np.ndarray, height: int) -> np.ndarray:
-        """Times (N,), s, of rows (N,), also fractional, relative to the middle row."""
+        """Read-out times (N,), s, of whole or fractional rows (N,), relative to the middle row."""
         return self.readout_s * (rows / max(height - 1, 1) - 0.5)
 
     @property
     def exposure_delays_s(self) -> np.ndarray:
-        """Times (K,), s, relative to the middle of the exposure; the image is the mean over these
-        times.
-        """
+        """Times (K,), s, of the averaged images, relative to the middle of the exposure."""
         if self.exposure_s == 0.0:
             return np.zeros(1)
         count = self.exposure_samples

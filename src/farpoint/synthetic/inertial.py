@@ -1,4 +1,4 @@
-"""A smooth path through given poses, and the measurements of an IMU on it."""
+"""A smooth path through given poses, and the measurements of an IMU on this path."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class InertialPath:
         ``world_from_body`` with time stamps; the world's z axis points up.
     knot_s : float
         Time between the knots of the splines, s. Recorded poses are noisy, and the IMU would
-        measure the second derivative of the noise; knots at least 0.1 s apart remove it.
+        measure the second derivative of the noise. Knots at least 0.1 s apart remove the noise.
     """
 
     def __init__(self, trajectory: Trajectory, knot_s: float = 0.1) -> None:
@@ -42,7 +42,7 @@ class InertialPath:
         self._attitude = RotationSpline(stamps[knots], Rotation.from_matrix(poses[:, :3, :3]))
 
     def pose(self, time_s: float) -> np.ndarray:
-        """``world_from_body`` (4, 4) at a time from the start, s."""
+        """``world_from_body`` (4, 4) at a time, s after the start of the path."""
         pose = np.eye(4)
         pose[:3, :3] = self._attitude(time_s).as_matrix()
         pose[:3, 3] = self._position(time_s)
@@ -53,8 +53,9 @@ class InertialPath:
         return self._position(time_s, 1)
 
     def measured(self, times_s: np.ndarray) -> ImuSteps:
-        """Measurements of an ideal IMU in the N steps between N + 1 times, s since the start of the
-        path.
+        """Measurements of an ideal IMU in the N steps between N + 1 times.
+
+        The times are in s after the start of the path.
         """
         dt = np.diff(times_s)[:, None]
         attitudes = self._attitude(times_s).as_matrix()
@@ -67,7 +68,7 @@ class InertialPath:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SimulatedImu:
-    """Steps of an IMU on an `InertialPath`, with the true biases.
+    """Simulated measurements of an IMU on an `InertialPath`, and the true biases.
 
     Attributes
     ----------
@@ -95,7 +96,7 @@ class SimulatedImu:
         accel_bias: np.ndarray,
         seed: int,
     ) -> SimulatedImu:
-        """Simulate the IMU on a path at these times, with these initial biases and seed."""
+        """Simulate an IMU on a path, given the times, the initial biases and the seed."""
         rng = np.random.default_rng(seed)
         measured = path.measured(times_s)
         dt = measured.dt[:, None]
@@ -121,7 +122,7 @@ class SimulatedImu:
         )
 
     def true_state(self, path: InertialPath, step: int) -> InertialState:
-        """The state at the time with this index, as at an image."""
+        """The true state at the beginning of a step, as a filter has it at an image."""
         time_s = float(self.times_s[step])
         return InertialState.at(
             path.pose(time_s)[:3, :3],

@@ -15,7 +15,7 @@ __all__ = ["Miscalibration"]
 
 @dataclass(frozen=True, kw_only=True)
 class Miscalibration:
-    """Errors of the given camera, for every lens with parameters.
+    """Errors of a calibration, for every lens model that has parameters.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class Miscalibration:
     center_px : (float, float)
         Error of the principal point along x and y, px.
     distortion_px : float
-        Root mean square displacement at the corners of the image, px, by random errors of the
+        Root mean square displacement, px, of the corners of the image due to random errors of the
         distortion; 0 or more. The scale at the centre of the image does not change.
     seed : int
         Seed of the random errors of the distortion.
@@ -50,13 +50,13 @@ class Miscalibration:
             raise InputError(f"expected two numbers, got {self.center_px!r}", field="center_px")
 
     def of(self, camera: Camera) -> Camera:
-        """The given camera for a true ``camera``; without uncertainty.
+        """The camera of the wrong calibration, without uncertainty, for a true ``camera``.
 
         Raises
         ------
         InputError
-            If the lens has no parameter with an error, if the wrong parameters are invalid, or if
-            the size of the image is needed and unknown.
+            If the lens does not have the parameters to be changed, if the wrong parameters are
+            invalid, or if the size of the image is needed but unknown.
         """
         model = camera.refinable if self.distortion_px else camera.model
         roles = model.roles

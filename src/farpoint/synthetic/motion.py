@@ -13,12 +13,15 @@ __all__ = ["SmoothMotion"]
 
 
 class SmoothMotion:
-    """Splines through the poses of a path, with continuous accelerations; constant for one pose.
+    """Splines through the poses of a path, with continuous accelerations.
+
+    A path of one pose gives a camera at rest.
 
     Parameters
     ----------
     path : Trajectory
-        Poses ``world_from_cam`` with rising times. Rotations between neighbours are below 180 deg.
+        Poses ``world_from_cam`` with increasing times. The rotations between neighbouring poses are
+        below 180 deg.
 
     Examples
     --------
@@ -44,7 +47,7 @@ class SmoothMotion:
             self._attitude = RotationSpline(since, turns)
 
     def poses(self, times_s: np.ndarray) -> np.ndarray:
-        """``world_from_cam`` (N, 4, 4) at times (N,), s, also slightly beyond the ends."""
+        """``world_from_cam`` (N, 4, 4) at times (N,), s, which may slightly exceed the path."""
         poses = np.tile(np.eye(4), (len(times_s), 1, 1))
         if self._only is not None:
             poses[:] = self._only

@@ -49,25 +49,27 @@ def paper_example(*, noise_px: float = PAPER_NOISE_PX, outliers: int = 0) -> Poi
 def paper_protocol(
     rng: np.random.Generator, *, mean_matches: float = 89.8, outliers: int = PAPER_OUTLIERS
 ) -> PointSceneOptions:
-    """One random pair of the simulation table: 89.8 matches on average, 20 of them outliers.
+    """One random pair of the simulation table: 89.8 matches on average, including 20 outliers.
 
-    The paper gives these numbers and the variance of the noise; all other values are assumptions.
-    The 20 outliers are part of the 89.8 matches (the harder case; ``mean_matches=109.8`` gives the
-    other). The number of inliers is Poisson, at least 10; 50 % are near at 1-4 m and 50 % far at
-    200-1000 m. The rotation is up to 5 degrees about each axis. The translation has a random
-    direction and a length of 1 to 5 cm.
+    The paper gives these numbers and the variance of the noise. All other values are assumptions.
+    The 89.8 matches are assumed to include the 20 outliers, which is the harder case.
+    ``mean_matches=109.8`` gives the case that the outliers are additional. The number of inliers
+    has a Poisson distribution and is at least 10. 50 % of the inliers are near, at 1-4 m, and 50 %
+    are far, at 200-1000 m. The rotation is up to 5 degrees about each axis. The translation has a
+    random direction and a length of 1 to 5 cm.
 
     The results of the paper imply such small motions and such distant points. The rotation errors
-    of the paper, (0.0113, 0.0107, 0.0231) deg, have the proportions of errors from points that are
-    known to be far. If all depths are unknown, the Cramer-Rao bound about x and y is 0.026 deg for
-    any depths and any baseline. Far points at 25-35 m would bias the rotation by more than the
-    errors of the paper. The direction error of 2.59 deg is the Cramer-Rao bound of a baseline near
-    2 cm.
+    of the paper about x, y and z, (0.0113, 0.0107, 0.0231) deg, have the same ratios as errors from
+    points that are known to be far. If all depths are unknown, the Cramer-Rao bound of the rotation
+    about x and y is 0.026 deg for any depths and any baseline. Far points at 25-35 m would bias the
+    rotation by more than the errors of the paper. The direction error of the paper, 2.59 deg,
+    equals the Cramer-Rao bound for a baseline near 2 cm.
 
     Parameters
     ----------
     rng : numpy.random.Generator
-        Draws the motion and the number of matches; pass it on to `make_point_scene`.
+        Random generator for the motion and the number of matches. Pass the same generator to
+        `make_point_scene`.
     """
     turn = np.radians(rng.uniform(-5.0, 5.0, 3))
     direction = rng.normal(size=3)

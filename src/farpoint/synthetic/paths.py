@@ -50,14 +50,14 @@ _REACH_M = {
 
 
 def street_drive(frames: int, fps: float = 10.0, seed: int = 0) -> Trajectory:
-    """Drive on the right-hand lane, with turns at crossings, braking and a swaying body.
+    """Drive on the right-hand lane with turns at crossings, braking, and sway of the vehicle.
 
     Parameters
     ----------
     frames : int
         Number of poses, at least 1.
     fps : float
-        Frames per second. The speed is about 9 m/s on straight streets and 50 % of it in turns.
+        Frames per second. The speed is about 9 m/s on straight streets and 50 % of that in turns.
     seed : int
         Seed of the route and the sway.
 
@@ -104,10 +104,10 @@ def carried(body: Trajectory, start_s: float, frames: int, fps: float) -> Trajec
     Parameters
     ----------
     body : Trajectory
-        Poses ``world_from_body`` with their times; the axes of the world and of the body are x
+        Poses ``world_from_body`` with time stamps. The axes of the world and of the body are x
         ahead, y left, z up.
     start_s : float
-        Start time, s after the first pose.
+        Time of the first frame, s after the first pose of ``body``.
     frames : int
         Number of poses, at least 1.
     fps : float
@@ -116,12 +116,12 @@ def carried(body: Trajectory, start_s: float, frames: int, fps: float) -> Trajec
     Returns
     -------
     Trajectory
-        Poses ``world_from_cam`` over the road, the lowest a metre above ground.
+        Poses ``world_from_cam`` above the road. The lowest pose is one metre above ground.
 
     Raises
     ------
     InputError
-        If an argument is out of its range, or poses are missing within this time.
+        If an argument is out of its range, or if ``body`` does not cover the time of all frames.
     """
     times = _finite(start_s, "start_s") + times_of(frames, fps)
     if body.timestamps is None:
@@ -142,12 +142,12 @@ def carried(body: Trajectory, start_s: float, frames: int, fps: float) -> Trajec
 
 
 def pure_rotation(frames: int, fps: float = 30.0, *, rate_deg_s: float = 20.0) -> Trajectory:
-    """Rotation on the spot: oscillations of yaw, pitch and roll, without translation.
+    """Rotation without translation: oscillations of yaw, pitch and roll.
 
     Parameters
     ----------
     rate_deg_s : float
-        Highest rate of the yaw, deg/s; about 50 % of it for pitch and roll.
+        Highest rate of the yaw, deg/s. The highest rates of pitch and roll are about 50 % of this.
     """
     times = times_of(frames, fps)
     rate = math.radians(_finite(rate_deg_s, "rate_deg_s"))
@@ -157,13 +157,13 @@ def pure_rotation(frames: int, fps: float = 30.0, *, rate_deg_s: float = 20.0) -
 
 
 def standing_still(frames: int, fps: float = 30.0) -> Trajectory:
-    """Camera at rest, looking along the street."""
+    """Camera at rest that looks along the street."""
     times = times_of(frames, fps)
     return trajectory_of(times, np.broadcast_to(START, (frames, 3)), np.zeros((frames, 3)))
 
 
 def sideways(frames: int, fps: float = 30.0, *, speed_m_s: float = 1.5) -> Trajectory:
-    """Translation along the street at constant speed, looking sideways at the houses."""
+    """Translation along the street at constant speed of a camera that looks sideways."""
     times = times_of(frames, fps)
     position = START + times[:, None] * np.array([0.0, 0.0, _finite(speed_m_s, "speed_m_s")])
     turns = np.broadcast_to([-math.pi / 2, 0.0, 0.0], (frames, 3))
@@ -171,7 +171,7 @@ def sideways(frames: int, fps: float = 30.0, *, speed_m_s: float = 1.5) -> Traje
 
 
 def times_of(frames: int, fps: float) -> np.ndarray:
-    """Times (N,) of the frames, s; an InputError if an argument is out of range."""
+    """Times (N,) of the frames, s. An argument out of range raises an InputError."""
     if frames < 1:
         raise InputError(f"expected at least 1, got {frames}", field="frames")
     if _finite(fps, "fps") <= 0.0:
@@ -186,7 +186,7 @@ def _finite(value: float, field: str) -> float:
 
 
 def trajectory_of(times: np.ndarray, position: np.ndarray, turns: np.ndarray) -> Trajectory:
-    """Poses from positions (N, 3) and yaw to the right, pitch up and roll, rad (N, 3)."""
+    """Poses from positions (N, 3) and angles (N, 3), rad: yaw to the right, pitch up, roll."""
     poses = np.tile(np.eye(4), (len(times), 1, 1))
     poses[:, :3, :3] = Rotation.from_euler("YXZ", turns).as_matrix()
     poses[:, :3, 3] = position
@@ -194,7 +194,7 @@ def trajectory_of(times: np.ndarray, position: np.ndarray, turns: np.ndarray) ->
 
 
 def _headings(rng: np.random.Generator, length_m: float) -> np.ndarray:
-    """Heading, rad to the right of z, at every step of a route of at least this length."""
+    """Heading, rad to the right of z, at every step of a route of at least ``length_m``."""
     unit = np.linspace(0.0, 1.0, 2001)
     ease = unit**3 * (10.0 - 15.0 * unit + 6.0 * unit**2)
     # A turn of length 1 that eases in and out advances this far along either street.
@@ -216,7 +216,7 @@ def _headings(rng: np.random.Generator, length_m: float) -> np.ndarray:
 
 
 def _speeds(curvature: np.ndarray, along: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Speed at every step of the route, m/s: limited by the turns, with small variations."""
+    """Speed, m/s, at every step of the route. The speed is lower in turns and varies slightly."""
     allowed = np.sqrt(_LATERAL_ACCELERATION / np.maximum(np.abs(curvature), 1e-6))
     # Slow already when the turn begins, and until it ends.
     slowest = minimum_filter1d(np.minimum(_SPEED, allowed), int(_BRAKING_M / _STEP_M))
@@ -227,7 +227,7 @@ def _speeds(curvature: np.ndarray, along: np.ndarray, rng: np.random.Generator) 
 
 
 def _sway(times: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Four slow oscillations (4, N) of about unit amplitude: waves at unrelated frequencies."""
+    """Four slow oscillations (4, N) with amplitudes of about 1 and unrelated frequencies."""
     frequencies = rng.uniform((0.2, 0.6, 1.1), (0.5, 1.0, 1.8), (4, 3))
     phases = rng.uniform(0.0, 2.0 * math.pi, (4, 3))
     waves = np.sin(2.0 * math.pi * frequencies[..., None] * times + phases[..., None])

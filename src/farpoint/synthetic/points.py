@@ -25,9 +25,10 @@ class OutlierKind(Enum):
     """Distribution of the outliers."""
 
     UNIFORM = "uniform"
-    """Anywhere in the second image."""
+    """Outliers lie anywhere in the second image."""
     EPIPOLAR = "epipolar"
-    """Anywhere on the epipolar line of the first point: no epipolar test can detect them."""
+    """Outliers lie anywhere on the epipolar line of the first point, so no epipolar test can
+    detect them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +38,7 @@ class PointSceneOptions:
     Attributes
     ----------
     camera : Camera
-        Takes both images; its size must be known.
+        Camera of both images. The image size must be known.
     matches : int
         Number of all matches, including outliers.
     outliers : int
@@ -45,16 +46,16 @@ class PointSceneOptions:
     outlier_kind : OutlierKind
         Distribution of the outliers.
     far_share : float
-        Share of the inliers in the far range, 0 to 1; rounded to whole matches.
+        Share of the inliers in the far range, 0 to 1. The number of far inliers is rounded.
     near_range_m, far_range_m : (float, float)
-        Distances from camera 0 along the ray, m, drawn uniformly; infinity for both ends of a range
-        puts its points at infinity.
+        Ranges from which distances from camera 0 along the ray, m, are drawn uniformly. If both
+        ends of a range are infinite, the points of the range are at infinity.
     rotation_vector_rad : (float, float, float)
-        ``R_cam1_from_cam0 = Exp(rotation_vector)``.
+        Rotation vector: ``R_cam1_from_cam0 = Exp(rotation_vector)``.
     translation_m : (float, float, float)
         Translation of ``X_cam1 = R_cam1_from_cam0 @ X_cam0 + translation``, m.
     noise_px : float
-        1-sigma of the normal noise on each coordinate in each image, px.
+        1-sigma of the normal noise on each pixel coordinate in each image, px.
 
     Raises
     ------
@@ -100,27 +101,27 @@ class PointSceneOptions:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PointScene:
-    """Matches of two views with their truth; the order of the matches is random.
+    """Matches of two views in random order, with the ground truth.
 
     Attributes
     ----------
     camera : Camera
-        Took both images.
+        Camera of both images.
     points0, points1 : ndarray, shape (N, 2)
-        Pixels with noise; all matches are seen in both images.
+        Pixels with noise. All matches are inside both images.
     is_outlier : ndarray of bool, shape (N,)
-        Outliers.
+        Whether a match is an outlier.
     is_far : ndarray of bool, shape (N,)
-        Inliers in the far range.
+        Whether a match is an inlier in the far range.
     depths : ndarray, shape (N,)
         Distance from camera 0 along the ray, m; NaN for outliers.
     true_rays0 : ndarray, shape (N, 3)
-        Unit rays in camera 0 before noise; NaN for outliers.
+        Unit rays in camera 0 without noise; NaN for outliers.
     rotation_cam1_from_cam0 : ndarray, shape (3, 3)
     translation_cam1_from_cam0 : ndarray, shape (3,)
         ``X_cam1 = R @ X_cam0 + translation``, m.
     noise_px : float
-        1-sigma of the noise on each coordinate in each image.
+        1-sigma of the noise on each pixel coordinate in each image, px.
     """
 
     camera: Camera
@@ -154,14 +155,14 @@ class PointScene:
 def make_point_scene(
     options: PointSceneOptions, *, seed: int | np.random.Generator = 0
 ) -> PointScene:
-    """Draw a scene: image positions uniformly over image 0, distances uniformly in their ranges.
+    """Draw a scene with uniform positions in image 0 and uniform distances within the ranges.
 
     Parameters
     ----------
     options : PointSceneOptions
         Options of the scene.
     seed : int or numpy.random.Generator
-        The same options and seed give the same scene.
+        Seed or random generator. The same options and seed give the same scene.
 
     Raises
     ------
@@ -241,7 +242,7 @@ _INFINITE = np.full(_BATCH, math.inf)
 
 
 def _draw(options: PointSceneOptions, count: int, batch: Callable[[], _Columns]) -> _Columns:
-    """Draw batches until ``count`` matches are seen by both images."""
+    """Draw batches of matches until ``count`` matches are visible in both images."""
     kept: list[_Columns] = []
     missing = count
     for _ in range(_BATCHES):
@@ -275,7 +276,7 @@ def _inside(options: PointSceneOptions, pixels: np.ndarray) -> np.ndarray:
 def _onto_epipolar_line(
     options: PointSceneOptions, pixels0: np.ndarray, pixels1: np.ndarray
 ) -> np.ndarray:
-    """Nearest point, as an angle, on the epipolar line of ``pixels0`` for each of ``pixels1``."""
+    """Move each of ``pixels1`` by the smallest angle onto the epipolar line of ``pixels0``."""
     R = so3.exp(np.array(options.rotation_vector_rad))
     rotated = options.camera.unproject(pixels0) @ R.T
     normals = sphere.normalize(np.cross(np.array(options.translation_m), rotated))

@@ -28,15 +28,16 @@ _ROW_STEPS = 5  # until the row in which a point is seen no longer changes
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RenderedView:
-    """A frame with its depth.
+    """A rendered frame with the true depth.
 
     Attributes
     ----------
     frame : Frame
-        The image with its index and time.
+        The image with index and time stamp.
     depth : ndarray, shape (height, width)
-        Distance along the ray through each pixel's centre, m, at the middle of its exposure;
-        infinite for the sky, NaN (and a black image) where the lens has no ray.
+        Distance along the ray through the centre of each pixel, m, at the middle of the exposure.
+        The distance is infinite for the sky. Pixels for which the lens has no ray are NaN here and
+        black in the image.
     """
 
     frame: Frame
@@ -44,7 +45,7 @@ class RenderedView:
 
 
 class RenderedSequence:
-    """Images of a street along a path, through any lens: a source of frames with truth.
+    """Images of a street along a path, through any lens: a source of frames with ground truth.
 
     Each frame is rendered on request and independently of the other frames. Memory therefore does
     not grow with the length of the sequence, and frame 700 does not depend on whether frames 0 to
@@ -53,20 +54,20 @@ class RenderedSequence:
     Parameters
     ----------
     camera : Camera
-        Any central camera; its image size must be known.
+        Any central camera whose image size is known.
     path : Trajectory
-        Poses ``world_from_cam`` with their times, in the world of `farpoint.synthetic.street`;
-        those of `farpoint.synthetic.paths` or any other above ground.
+        Poses ``world_from_cam`` with time stamps, in the world of `farpoint.synthetic.street`. The
+        path may come from `farpoint.synthetic.paths` or be any other path above ground.
     seed : int
         Seed of the street and the noise.
     imaging : ImagingOptions
-        Noise, exposure and shutter. Between the poses of the path the camera moves as
-        `SmoothMotion` does.
+        Noise, exposure and shutter. Between the poses of the path the camera moves along the
+        splines of `SmoothMotion`.
     name : str
         Short name of the source.
     given : Camera or None
-        The calibration given to users of the images, of the same size; None for the true
-        camera.
+        The calibration given to users of the images, with the same image size as ``camera``. None
+        for the true camera.
 
     Attributes
     ----------
@@ -75,7 +76,7 @@ class RenderedSequence:
     given : Camera
         The calibration given to users.
     timestamps : ndarray, shape (N,)
-        Seconds.
+        Time stamps of the frames, s.
     world_from_cam : ndarray, shape (N, 4, 4)
         True poses.
     count : int
@@ -121,12 +122,12 @@ class RenderedSequence:
         return len(self.timestamps)
 
     def __iter__(self) -> Iterator[Frame]:
-        """Frames in order."""
+        """Yield the frames in order."""
         for index in range(len(self)):
             yield self.view(index).frame
 
     def view(self, index: int) -> RenderedView:
-        """Render one frame, with depth."""
+        """Render one frame and its depth."""
         shape = self._rays.shape[:2]
         delays = self._imaging.exposure_delays_s
         total, depth = np.zeros(shape, np.float32), np.empty(shape)
@@ -147,15 +148,15 @@ class RenderedSequence:
     def distances(self, index: int, pixels: np.ndarray) -> np.ndarray:
         """Distances (N,), m, along the rays of any pixels (N, 2) of a frame, by exact ray casting.
 
-        Each distance is that at the read-out time of its row. The distance is infinite for the sky,
-        and NaN without a ray.
+        A distance is measured at the time at which the row of the pixel is read. The distance is
+        infinite for the sky, and NaN for a pixel without a ray.
         """
         return self._cast(self._poses(index, pixels[:, 1]), self.camera.unproject(pixels))
 
     def transfer(self, pixels: np.ndarray, index0: int, index1: int) -> np.ndarray:
-        """Pixels in another frame of the scene points at ``pixels`` (N, 2) of one frame.
+        """Pixels in frame ``index1`` of the scene points seen at ``pixels`` (N, 2) of ``index0``.
 
-        With a rolling shutter, every point is observed at the read-out time of its row.
+        With a rolling shutter, every point is observed at the time at which its row is read.
 
         Returns
         -------
@@ -180,7 +181,7 @@ class RenderedSequence:
         return np.where((inside & ~hidden)[:, None], pixels1, np.nan)
 
     def cam1_from_cam0(self, index0: int, index1: int) -> np.ndarray:
-        """True motion between two frames, shape (4, 4), metres."""
+        """True motion ``cam1_from_cam0`` between two frames, shape (4, 4), translation in m."""
         return np.linalg.inv(self.world_from_cam[index1]) @ self.world_from_cam[index0]
 
     def write_truth(self, path: str | Path) -> None:
@@ -203,11 +204,10 @@ class RenderedSequence:
         poses0: np.ndarray,
         distance0: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Points (N, 3) in the axes of a camera that is reading their rows, and the poses of the
-        camera.
+        """Points (N, 3) in camera axes when ``rows`` of a frame are read, and the camera's poses.
 
-        The points are divided by their distances from camera 0, so that the sky is an ordinary
-        point.
+        Each point is divided by its distance from camera 0, so that points of the sky are finite,
+        too.
         """
         poses = self._poses(index, np.nan_to_num(rows))
         cam_from_cam0 = np.linalg.inv(poses) @ poses0
@@ -255,7 +255,7 @@ def render_drive(
 
 
 def _ray_tables(camera: Camera, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """Rays (H, W, 3) of all pixels, and their change by a pixel right and down (H, W, 3, 2)."""
+    """Rays (H, W, 3) of all pixels, and changes (H, W, 3, 2) to the next pixel right and down."""
     width, height = size
     columns, rows = np.meshgrid(np.arange(width), np.arange(height))
 

@@ -1,9 +1,9 @@
 """A town around a path: streets in a grid, houses, parked cars, poles, trees, hills and sky.
 
-World axes are x right, y down, z forward, in metres; the ground is y = 0. Streets run along x and
-z, with their middles at multiples of `BLOCK_M`. The objects at a place depend on the seed and the
-place only, but no object is on the path. Only places near the path are built, so a longer drive
-does not cost more per frame.
+World axes are x right, y down, z forward, in metres. The ground is y = 0. Streets run along x and
+z, and the middle of each street is at a multiple of `BLOCK_M`. The objects at a place depend only
+on the seed and the place, but objects on the path are left out. Only places near the path are
+built, so the time per frame does not grow with the length of the drive.
 """
 
 from __future__ import annotations
@@ -124,8 +124,9 @@ def _assemble(
 
 @lru_cache(maxsize=1)
 def _pictures(seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Texels and table of all textures, computed once, because they take longer than the rest of
-    the town.
+    """Texels and table of all textures.
+
+    The textures are computed once, because they take longer than the shapes of the town.
     """
     rng = np.random.default_rng((seed, 0))
     pictures = [textures.noise(rng)]
@@ -135,7 +136,7 @@ def _pictures(seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _sort_into_grid(rows: np.ndarray, low: np.ndarray, high: np.ndarray) -> Blocks:
-    """Shapes of every cell of a grid from ``low`` to ``high`` (x, z), by their rectangles."""
+    """Shapes of every cell of a grid, from the rectangles ``low`` to ``high`` (x, z) of shapes."""
     cells = np.ceil((high - low) / _GRID_M).astype(int)
     cos, sin = np.abs(rows[:, 2]), np.abs(rows[:, 3])
     half = np.stack(
@@ -163,8 +164,9 @@ def _sort_into_grid(rows: np.ndarray, low: np.ndarray, high: np.ndarray) -> Bloc
 
 
 def _raise_hills(positions: np.ndarray, rng: np.random.Generator) -> Hills:
-    """Rings around the town, each higher and farther away than the previous ring, and their
-    skylines.
+    """Rings of hills around the town, with the skyline of each ring.
+
+    Each ring is higher and farther away than the previous ring.
     """
     flat = positions[:, [0, 2]]
     centre = 0.5 * (flat.min(axis=0) + flat.max(axis=0))

@@ -1,4 +1,7 @@
-"""Textures of the street and their mip pyramids: square, repeating, in grey levels around zero."""
+"""Textures of the street, and their mip pyramids.
+
+A texture is square, repeats in both directions, and has grey levels around zero.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ _LEVEL_SIGMA = 0.8
 
 
 def noise(rng: np.random.Generator, log2_width: int = 9) -> np.ndarray:
-    """Random texture of unit variance with equal power in every octave: rich at every scale."""
+    """Random texture of unit variance with equal power in every octave of spatial frequency."""
     width = 1 << log2_width
     frequency = np.fft.fftfreq(width) * width
     radius = np.hypot(frequency[:, None], np.fft.rfftfreq(width) * width)
@@ -27,9 +30,9 @@ def noise(rng: np.random.Generator, log2_width: int = 9) -> np.ndarray:
 
 
 def facade(rng: np.random.Generator, log2_width: int = 10, *, bays: int = 8) -> np.ndarray:
-    """Wall of ``bays`` x ``bays`` windows, each in its own state: frames, panes, sills, curtains.
+    """Wall with ``bays`` x ``bays`` windows, whose panes, sills and curtains differ at random.
 
-    Values are from -1 (a dark pane) to 1 (a white frame); 0 is the wall.
+    Values are from -1 (a dark pane) to 1 (a white frame). The wall itself is 0.
     """
     width = 1 << log2_width
     image = np.zeros((width, width))
@@ -59,10 +62,10 @@ def facade(rng: np.random.Generator, log2_width: int = 10, *, bays: int = 8) -> 
 def road(
     rng: np.random.Generator, block_m: float, road_m: float, log2_width: int = 11
 ) -> np.ndarray:
-    """Ground of one block of a street grid, streets along x = 0 and z = 0 with their markings.
+    """Ground of one block of a street grid, with marked streets along x = 0 and z = 0.
 
-    Rows run along z, and columns along x; one period is ``block_m``. Values are in grey levels
-    relative to asphalt.
+    The row index increases with z, and the column index with x. One period of the texture is
+    ``block_m``. Values are in grey levels relative to asphalt.
     """
     width = 1 << log2_width
     place = (np.arange(width) + 0.5) / width * block_m
@@ -90,8 +93,8 @@ def road(
 def pyramids(textures: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """All levels of all textures in one float32 array, and the start and log2 width of each.
 
-    Each level halves the width, down to one texel. A texel is centred in the texels that it
-    replaces.
+    Each level has half the width of the previous level, down to one texel. A texel is at the centre
+    of the four texels that it replaces.
     """
     parts: list[np.ndarray] = []
     table, start = [], 0
@@ -109,7 +112,7 @@ def pyramids(textures: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _blurred(level: np.ndarray, sigma: float, shift: float) -> np.ndarray:
-    """Gaussian blur, and the values ``shift`` texels further right and down."""
+    """Blur a texture with a Gaussian and move it by ``shift`` texels left and up."""
 
     def filtered(frequency: np.ndarray) -> np.ndarray:
         moved = np.exp(2j * np.pi * shift * frequency)

@@ -22,7 +22,7 @@ FACADES = 4
 
 @dataclass
 class Shapes:
-    """Shapes in the order in which they are added, one row each; see `Blocks` and `Finish`.
+    """Table of shapes, with one row for each added shape; see `Blocks` and `Finish`.
 
     Shapes of one ``thing``, such as the parts of a car, are kept or removed together.
     """
@@ -51,7 +51,7 @@ class Shapes:
 
 
 def build_house(shapes: Shapes, rng: np.random.Generator, x: float, z: float) -> None:
-    """House of one to three floors, not quite square to the street, with a roof and a chimney."""
+    """House of one to three floors with a roof and a chimney, slightly rotated to the street."""
     shapes.begin()
     half_x, half_z = rng.uniform(3.2, 5.9, 2)
     height = _BAY_M * rng.integers(1, 4) + rng.uniform(0.1, 0.5)  # whole rows of windows
@@ -80,7 +80,7 @@ def build_house(shapes: Shapes, rng: np.random.Generator, x: float, z: float) ->
 
 
 def lay_garden(shapes: Shapes, rng: np.random.Generator, x: float, z: float) -> None:
-    """A hedge and a few trees, low enough that hills and sky are visible above them."""
+    """Garden with a hedge and a few trees, which are low, so that hills and sky are visible."""
     shapes.begin()
     hedge = _plain(rng, 60.0, 95.0, 13.0)
     half_x, half_z = ((5.5, 0.35), (0.35, 5.5))[rng.integers(2)]
@@ -91,7 +91,7 @@ def lay_garden(shapes: Shapes, rng: np.random.Generator, x: float, z: float) -> 
 
 
 def plant_tree(shapes: Shapes, rng: np.random.Generator, x: float, z: float, height: float) -> None:
-    """Trunk and crown, ``height`` m high."""
+    """Tree of ``height`` m with a trunk and a crown."""
     shapes.begin()
     trunk = _plain(rng, 45.0, 75.0, 9.0)
     crown = _plain(rng, 60.0, 115.0, 17.0)
@@ -131,7 +131,7 @@ def line_street(
 def _plain(
     rng: np.random.Generator, darkest: float, lightest: float, noise: float
 ) -> tuple[float, ...]:
-    """Paint without a pattern: a mean grey level in this range, and a gain of the noise."""
+    """Paint without a pattern: a random mean grey level in a range, and a gain of the noise."""
     return (rng.uniform(darkest, lightest), 0.0, 1.0, 0.0, noise, *rng.uniform(0.0, 90.0, 2))
 
 

@@ -23,7 +23,7 @@ _WAVES = 3  # of each motion, at unrelated frequencies
 
 @dataclass(frozen=True, kw_only=True)
 class HandheldOptions:
-    """Motion of a handheld camera: sums of sinusoids about a steady walk.
+    """Options of the motion of a handheld camera: a steady walk plus sums of sinusoids.
 
     Attributes
     ----------
@@ -34,10 +34,11 @@ class HandheldOptions:
     bob_m : float
         Amplitude of the bob and of the sway, m, 0 to 0.2.
     look_deg : float
-        Amplitude of looking around, up to once in two seconds, deg, 0 to 60; up and down, and the
-        roll, have half of it.
+        Amplitude of the slow yaw by which the person looks around, deg, 0 to 60, with periods of
+        two seconds or more. Pitch and roll have half the amplitude.
     tremor_deg : float
-        Amplitude of the tremor of the hand, 1.5 to 6 Hz on each axis, deg, 0 to 5.
+        Amplitude of the tremor of the hand about each axis, deg, 0 to 5, with frequencies of 1.5 to
+        6 Hz.
     """
 
     speed_m_s: float = 1.3
@@ -57,8 +58,9 @@ class HandheldOptions:
 def handheld_walk(
     frames: int, fps: float = 30.0, seed: int = 0, options: HandheldOptions | None = None
 ) -> Trajectory:
-    """Walk along the lane with a camera in the hand, which looks halfway to the houses on the
-    right.
+    """Walk along the lane with a handheld camera.
+
+    The camera looks halfway between the direction of the walk and the houses on the right.
 
     Parameters
     ----------
@@ -69,7 +71,7 @@ def handheld_walk(
     seed : int
         Seed of phases and frequencies.
     options : HandheldOptions, optional
-        Motion of the hand.
+        Options of the motion.
 
     Raises
     ------
@@ -107,8 +109,9 @@ def handheld_walk(
 def _waves(
     times: np.ndarray, range_hz: tuple[float, float], rng: np.random.Generator
 ) -> np.ndarray:
-    """Three smooth oscillations (N, 3) of at most 1: means of waves, in which slower waves are
-    larger.
+    """Three smooth oscillations (N, 3) with values from -1 to 1.
+
+    Each oscillation is a mean of waves in which slower waves have larger amplitudes.
     """
     frequencies = np.sort(rng.uniform(*range_hz, (3, _WAVES)))
     phases = rng.uniform(0.0, 2.0 * math.pi, (3, _WAVES))

@@ -58,10 +58,10 @@ def find_corners(
 def thin_out(
     points: np.ndarray, occupied: np.ndarray, reach: int, count: int | None = None
 ) -> np.ndarray:
-    """Indices of the points outside the occupied mask, in their order.
+    """Indices of points outside the ``occupied`` mask, bool (H, W), in the order of the points.
 
-    Every accepted point marks the pixels within ``reach`` along either axis in ``occupied``, bool
-    (H, W). The function stops after ``count`` points.
+    Every accepted point marks a square of half width ``reach`` as occupied. The function stops
+    after ``count`` accepted points.
     """
     limit = len(points) if count is None else count
     kept = np.empty(len(points), np.int64)
@@ -90,7 +90,7 @@ def _rank_in_cell(
     shape: tuple[int, int],
     cell_px: int,
 ) -> np.ndarray:
-    """Points in each candidate's cell, its stronger candidates included."""
+    """Number of points and stronger candidates in the cell of each candidate."""
     columns = -(-shape[1] // cell_px)
     rows = -(-shape[0] // cell_px)
 

@@ -30,16 +30,16 @@ __all__ = ["DefectivePixels"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Suspects:
-    """Pixels that stand out from their ring.
+    """Suspects: pixels brighter or darker than all pixels of a ring around them.
 
     Attributes
     ----------
     places : ndarray of int64, shape (N,)
-        Row times width plus column.
+        Flat index of the pixel: row times width plus column.
     scores : ndarray of float64, shape (N,)
-        Log likelihood ratio of a defect against the scene.
+        Log likelihood ratio between a defective pixel and scene content.
     travels : ndarray of float64, shape (N, 2)
-        Image motion at the pixel since its last test, px.
+        Image motion at the pixel since the last test of the pixel, px.
     defective : ndarray of bool, shape (N,)
     """
 
@@ -60,13 +60,15 @@ class _Suspects:
 class DefectivePixels:
     """Detect pixels that stand out while the image moves, and repair them.
 
-    A pixel stands out if it is brighter, or darker, than all pixels of a ring around it. Scene
-    content stands out, too, but not at the same pixel after an image motion of 1 px. A suspect is
-    tested whenever nearby tracks have moved that far since its last test; each test adds a log
-    likelihood ratio (sequential test: A. Wald, 1945, doi:10.1214/aoms/1177731118). A defect stands
-    out with a probability of 0.8, and a pixel of the scene with the rate of the whole image.
+    A pixel stands out if all pixels of a ring around the pixel are darker, or all are brighter.
+    Scene content can stand out, too, but not at the same pixel after an image motion of 1 px. A
+    pixel that stands out is a suspect. A suspect is tested again whenever nearby tracks have moved
+    by 1 px since the last test of the suspect. Each test adds a log likelihood ratio (sequential
+    test: A. Wald, 1945, doi:10.1214/aoms/1177731118). A defect is assumed to stand out with a
+    probability of 0.8, and a pixel without a defect as often as the average pixel of the image.
 
-    A repair interpolates the defect and its eight neighbours from the ring.
+    A repair replaces the defective pixel and its eight neighbours by values interpolated from the
+    ring.
     """
 
     def __init__(self) -> None:
@@ -77,7 +79,7 @@ class DefectivePixels:
 
     @property
     def pixels(self) -> np.ndarray:
-        """Pixels of the defects, int64 (N, 2), column and row."""
+        """Positions of the defective pixels, int64 (N, 2), column and row."""
         rows, columns = np.divmod(self._defects, max(self._shape[1], 1))
         return np.stack([columns, rows], axis=1)
 
@@ -86,9 +88,7 @@ class DefectivePixels:
         return self._suspects.indices[self._suspects.defective]
 
     def learn(self, image: np.ndarray, tracks: Tracks) -> None:
-        """Test an image that is not repaired, uint8 (H, W), at the ends of the tracks in this
-        image.
-        """
+        """Test the suspects in an unrepaired image, uint8 (H, W), given the tracks into it."""
         if image.shape != self._shape:
             self._suspects, self._shape = _no_suspects(), (image.shape[0], image.shape[1])
             self._near_suspects = np.empty(image.shape, bool)
@@ -110,8 +110,8 @@ class DefectivePixels:
         self._suspects = _merged(known, new, math.log(DETECTION_RATE / rate))
 
     def _scored(self, known: _Suspects, seen: np.ndarray, rate: float, tracks: Tracks) -> _Suspects:
-        """The suspects with the log likelihood ratios of this image, for those that have moved
-        enough.
+        """The suspects, scored by this image where the image motion since the last test is 1 px
+        or more.
         """
         displacements = known.displacements + self._motion_at(known.indices, tracks)
         tested = np.hypot(*displacements.T) >= MIN_MOTION_PX
@@ -128,9 +128,10 @@ class DefectivePixels:
         )
 
     def _motion_at(self, indices: np.ndarray, tracks: Tracks) -> np.ndarray:
-        """Image motion (N, 2) at pixels by flat index, px: the median of the nearest tracks.
+        """Image motion (N, 2), px, at pixels given by flat index: the median of the nearest tracks.
 
-        Tracks within 5 px of a suspect are excluded: they may have locked onto it.
+        Tracks within 5 px of a suspect are excluded, because such tracks may follow the defect
+        instead of the scene.
         """
         if len(indices) == 0 or len(tracks) < MOTION_NEIGHBOURS:
             return np.zeros((len(indices), 2))
@@ -150,7 +151,7 @@ class DefectivePixels:
         return np.median(moves[near], axis=1)
 
     def repaired(self, image: np.ndarray) -> np.ndarray:
-        """A copy of the image with repaired defects; the image itself if it has none."""
+        """A copy of the image with repaired defects, or the image itself if no defect is known."""
         indices = self._defects
         if len(indices) == 0 or image.shape != self._shape:
             return image
@@ -183,7 +184,7 @@ def _merged(known: _Suspects, new: np.ndarray, score: float) -> _Suspects:
 
 
 def _outstanding(image: np.ndarray) -> np.ndarray:
-    """Mask (H, W) of pixels brighter or darker than all of the ring around them."""
+    """Mask (H, W) of pixels brighter, or darker, than all pixels of the ring around them."""
     cv2 = optional_import("cv2", extra="video", purpose="tracking")
     kernel = np.ones((2 * DEFECT_RING_PX + 1, 2 * DEFECT_RING_PX + 1), np.uint8)
     kernel[1:-1, 1:-1] = 0
@@ -196,12 +197,15 @@ def _outstanding(image: np.ndarray) -> np.ndarray:
 
 
 def _offsets(reach: int) -> np.ndarray:
-    """Offsets (N, 2), row and column, of all pixels within a reach."""
+    """Offsets (N, 2), row and column, of all pixels of a square from -reach to reach."""
     return np.mgrid[-reach : reach + 1, -reach : reach + 1].reshape(2, -1).T
 
 
 def _interpolation() -> np.ndarray:
-    """Weights (ring, inner): mean of the horizontal and the vertical linear interpolation."""
+    """Weights of the ring pixels for each inner pixel, shape (ring, inner).
+
+    Each inner pixel is the mean of a horizontal and a vertical linear interpolation.
+    """
     weights = np.zeros((len(_RING_AT), len(_INNER_AT)))
     at = {(int(v), int(u)): k for k, (v, u) in enumerate(_RING_AT)}
     for k, (v, u) in enumerate(_INNER_AT.tolist()):

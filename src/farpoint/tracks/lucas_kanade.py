@@ -26,15 +26,15 @@ def track_points(
     start: np.ndarray,
     options: LucasKanadeOptions,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Positions in the second image of points in the first.
+    """Track points of the first image into the second image.
 
     Every point is tracked forward and backward (Kalal et al., "Forward-Backward Error", ICPR 2010,
-    doi:10.1109/ICPR.2010.675). The forward pass starts at some distance from its result. The
-    backward pass starts at the same distance from ``points0``. If it started at ``points0``, a
-    wrong match could pass the check without any iteration.
+    doi:10.1109/ICPR.2010.675). The backward pass starts as far from ``points0`` as the forward
+    pass started from its result. If the backward pass started at ``points0``, a wrong match could
+    pass the check without any iteration.
 
-    A subset of probes is tracked first, from the coarsest level. The 0.9 quantile of their
-    distances from ``start`` selects the level at which the other points start.
+    A subset of the points, the probes, is tracked first, from the coarsest level. The 0.9 quantile
+    of the probes' distances from ``start`` selects the level at which the other points start.
 
     Parameters
     ----------
@@ -50,9 +50,9 @@ def track_points(
     Returns
     -------
     points1 : ndarray of float64, shape (N, 2)
-        Pixels in the second image; NaN where not found.
+        Pixels in the second image; NaN if the point is not found.
     found : ndarray of bool, shape (N,)
-        Whether the forward-backward error is within its limit.
+        Whether the forward-backward error of the point is within the limit.
     """
     points1 = np.full(points0.shape, np.nan)
     every = np.arange(len(points0))
@@ -70,8 +70,9 @@ def track_points(
 
 
 def _start_level(offsets: np.ndarray, coarsest: int, options: LucasKanadeOptions) -> int:
-    """Pyramid level whose window covers the displacements (N, 2) of the probes; NaN rows are lost
-    probes.
+    """Pyramid level whose window covers the displacements (N, 2) of the probes.
+
+    NaN marks the displacement of a lost probe.
     """
     offset_px = np.linalg.norm(offsets, axis=1)
     offset_px = offset_px[~np.isnan(offset_px)]

@@ -1,4 +1,4 @@
-"""Options of the tracker, one record for each stage."""
+"""Options of the tracker, grouped by stage."""
 
 from __future__ import annotations
 
@@ -18,14 +18,16 @@ class CornerOptions:
     Attributes
     ----------
     cell_px : int
-        Side of the cells over which tracks are balanced, px.
+        Side of the image cells, px. New tracks are placed in the cells with the fewest tracks.
     min_distance_px : int
-        Least distance of a new track from another along either axis, px.
+        Least distance of a new track from every other track, px: the larger of the distances along
+        the two image axes.
     block_px : int
         Width of the window of the structure tensor, px.
     min_slope : float
-        Least RMS gradient of a corner in its weakest direction, grey levels per px. Image noise of
-        standard deviation s has an RMS gradient of about 0.43 s.
+        Least RMS gradient of the window of a corner, in the direction in which the RMS gradient is
+        smallest, grey levels per px. Image noise of standard deviation s has an RMS gradient of
+        about 0.43 s.
     """
 
     cell_px: int = 64
@@ -49,9 +51,10 @@ class LucasKanadeOptions:
     window_px : int
         Width of the matched window, px, odd.
     levels : int
-        Number of halvings: motion up to about ``window_px / 2 * 2**levels`` px is tracked.
+        Number of times the image is halved. Motion up to about ``window_px / 2 * 2**levels`` px is
+        tracked.
     max_iterations : int
-        Iterations at every level.
+        Largest number of iterations at each level.
     tolerance_px : float
         Iterations end below this step, px.
     forward_backward_px : float
@@ -91,12 +94,12 @@ class RefinementOptions:
     offset_sigma : float
         Prior 1-sigma of the change of brightness, grey levels.
     noise_floor : float
-        Least 1-sigma of the difference of two windows, grey levels; the residual is used where
-        it is larger.
+        Least 1-sigma of the difference of two windows, grey levels. If the residual is larger, the
+        residual is used as the 1-sigma.
     max_shift_px : float
-        Largest shift by the refinement, px; larger ones are rejected.
+        Largest shift by the refinement, px. Matches with a larger shift are rejected.
     min_correlation : float
-        Least normalised correlation of the windows, -1 to 1.
+        Least normalised correlation of the two windows of a match, -1 to 1.
     """
 
     window_px: int = 15
@@ -127,7 +130,7 @@ class TrackerOptions:
     Attributes
     ----------
     max_tracks : int
-        Tracks are replenished up to this number.
+        Largest number of tracks. Lost tracks are replaced by new tracks up to this number.
     corners : CornerOptions
         Corner detection.
     matching : LucasKanadeOptions

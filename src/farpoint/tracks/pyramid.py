@@ -23,15 +23,15 @@ class Pyramid:
     values : ndarray of uint8, shape (V,)
         All levels, each with a border of replicated edge pixels.
     layout : ndarray of int64, shape (L, 4)
-        For each level, the finest first: index in ``values`` of pixel (0, 0), row stride, width,
-        height.
+        One row for each level, from the finest to the coarsest: index of pixel (0, 0) in
+        ``values``, row stride, width, height.
     """
 
     values: np.ndarray
     layout: np.ndarray
 
     def level(self, k: int) -> Image:
-        """Level k, 0 the finest, for the kernels."""
+        """Level k in the format of the kernels; level 0 is the finest."""
         return Image(self.values, *self.layout[k].tolist())
 
     @property
@@ -42,10 +42,10 @@ class Pyramid:
 
 
 def build_pyramid(image: np.ndarray, options: LucasKanadeOptions) -> Pyramid:
-    """Build a pyramid of at most ``options.levels`` halvings; a level is at least a window wide.
+    """Build an image pyramid of at most ``options.levels`` halvings.
 
-    Pixel (0, 0) of every level is the same point (Burt and Adelson 1983,
-    doi:10.1109/TCOM.1983.1095851).
+    Width and height of the coarsest level are at least those of a window. Pixel (0, 0) shows the
+    same point at every level (Burt and Adelson 1983, doi:10.1109/TCOM.1983.1095851).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Sub-pixel refinement of matches, each with its covariance."""
+"""Sub-pixel refinement of matches, and the covariance of each match."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ def refine(
     options: RefinementOptions,
     warps: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, Windows]:
-    """Refine positions in ``image1`` to sub-pixel precision, each with its covariance.
+    """Refine positions in ``image1`` to sub-pixel precision, and estimate their covariances.
 
-    A window is matched under an affine warp, a gain and an offset, each with a normal prior.
-    Without the warp, matches on approaching or turning surfaces err by 0.1 px; on real drives the
-    warp reduces epipolar residuals by about 40 %.
+    A window is matched under an affine warp, a gain and an offset, and each of the three has a
+    normal prior. Without the warp, matches on approaching or turning surfaces err by 0.1 px. On
+    real drives the warp reduces epipolar residuals by about 40 %.
 
-    The covariance is the sandwich estimate ``H^-1 M H^-1``: H is the normal matrix of the window's
-    gradients with the priors, M the second moment of gradient times residual, summed over blocks of
-    neighbouring pixels because their residuals are correlated. The variances of the priors and of
-    the interpolation are added.
+    The covariance is the sandwich estimate ``H^-1 M H^-1``. H is the normal matrix of the window's
+    gradients and of the priors. M is the second moment of gradient times residual. The products are
+    summed over blocks of pixels first, because residuals of neighbouring pixels are correlated. The
+    variances of the priors and of the interpolation are added.
 
     Parameters
     ----------
@@ -49,19 +49,20 @@ def refine(
     options : RefinementOptions
         Window, priors and limits.
     warps : ndarray of float64, shape (N, 2, 2), optional
-        Initial warps: expected derivatives of ``points1`` by ``points0``, e.g. of a wide lens or a
-        rotation about the optical axis. Default: identity.
+        Initial warps: expected derivatives of ``points1`` by ``points0``. The derivatives differ
+        from the identity, e.g., for a wide lens or a rotation about the optical axis. Default:
+        identity.
 
     Returns
     -------
     points1 : ndarray of float64, shape (N, 2)
         Pixels in ``image1``.
     covariance_px2 : ndarray of float64, shape (N, 2, 2)
-        Covariance of ``points1`` given ``points0``, px^2; NaN where not found.
+        Covariance of ``points1`` given ``points0``, px^2; NaN if the point is not found.
     found : ndarray of bool, shape (N,)
         Whether correlation and shift are within the limits.
     windows : Windows
-        Warps, and the bias of matches by quadratic motion.
+        Affine warps of the windows, and the bias of matches due to quadratic motion.
     """
     count = len(points0)
     matched = np.array(points1, dtype=np.float64)
@@ -84,6 +85,6 @@ def refine(
 
 
 def _precision(options: RefinementOptions) -> np.ndarray:
-    """Inverse prior variances of displacement (2, zero), warp (4), gain and offset."""
+    """Inverse prior variances: 2 zeros for the displacement, 4 for the warp, gain, offset."""
     sigma = [np.inf] * 2 + [options.affine_sigma] * 4 + [options.gain_sigma, options.offset_sigma]
     return 1.0 / np.square(sigma)

@@ -14,10 +14,10 @@ __all__ = ["trackable_region", "unmasked_region"]
 
 
 def trackable_region(camera: Camera, options: TrackerOptions | None = None) -> np.ndarray | None:
-    """Pixels whose matching window lies within the lens' field; None if all pixels do.
+    """Mask of pixels whose matching window lies within the lens' field; None for all pixels.
 
-    The rim of a fisheye's image circle is a strong edge fixed to the camera: windows across it
-    measure no motion.
+    The edge of a fisheye's image circle has a strong contrast and does not move with the scene, so
+    windows that contain this edge measure no motion.
 
     Parameters
     ----------
@@ -49,8 +49,9 @@ def trackable_region(camera: Camera, options: TrackerOptions | None = None) -> n
 def unmasked_region(mask: np.ndarray, options: TrackerOptions | None = None) -> np.ndarray:
     """Pixels whose matching window, at the finest level, lies inside a mask.
 
-    The mask is eroded by the larger of `window_reach` and the corners' block. Coarser pyramid
-    levels reach beyond it; they only initialise the refinement.
+    The mask is eroded by the larger of `window_reach` and the reach of the corner detector's
+    window. Windows of coarser pyramid levels can reach outside the mask, but coarser levels only
+    initialise the refinement.
 
     Parameters
     ----------
@@ -73,6 +74,6 @@ def _window_px(options: TrackerOptions | None) -> int:
 
 
 def _apart_from(blind: np.ndarray, reach: int) -> np.ndarray:
-    """Pixels without a blind (non-zero) pixel within reach along either axis."""
+    """Mask of pixels without a blind (non-zero) pixel in the square of half width ``reach``."""
     cv2 = optional_import("cv2", extra="video", purpose="tracking")
     return cv2.dilate(blind, np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)) == 0

@@ -1,4 +1,4 @@
-"""Row-wise gain changes: flicker of mains light under a rolling shutter."""
+"""Row-wise gain changes, as flickering mains light causes them under a rolling shutter."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ __all__ = ["normalize_rows", "remove_row_gains", "row_gains"]
 
 
 def normalize_rows(image: np.ndarray) -> np.ndarray:
-    """Scale every row of an image (H, W), uint8, to one mean.
+    """Scale the rows of an image (H, W), uint8, so that all rows have the same mean.
 
-    This removes the gains of rows, and also all image content that is constant along rows. The
-    result therefore serves for coarse tracking only.
+    The scaling removes the gains of rows, but also all image content that is constant along rows.
+    The result therefore serves for coarse tracking only.
     """
     means = np.maximum(image.mean(axis=1), 1.0)
     return np.clip(np.rint(image * (110.0 / means[:, None])), 0, 255).astype(np.uint8)
 
 
 def row_gains(before: Pyramid, after: Pyramid, tracks: Tracks) -> np.ndarray | None:
-    """Gain (H,) of each row of ``after`` over ``before``; None if the rows have no gains of their
-    own.
+    """Gain (H,) of each row of ``after`` over ``before``; None if the gain does not vary by row.
 
-    Each track gives a log ratio of local means. Row gains are fitted if the median of tracks in
-    neighbouring rows predicts the log ratio well: the remaining median deviation is below 0.6 of
-    the total one.
+    Each track gives the log ratio of the local mean grey values in ``after`` and ``before``. Row
+    gains are fitted if the median log ratio of the tracks in neighbouring rows predicts the log
+    ratio of a track well: the median deviation from this prediction is at most 0.6 of the median
+    deviation from the median of all tracks.
     """
     if len(tracks) < MIN_ROW_TRACKS:
         return None
@@ -72,7 +72,7 @@ def remove_row_gains(image: np.ndarray, gains: np.ndarray) -> np.ndarray:
 
 
 def _means(pyramid: Pyramid, points: np.ndarray) -> np.ndarray:
-    """Bilinear grey values (N,) of level 1 at points (N, 2) of level 0."""
+    """Grey values (N,) of level 1, interpolated bilinearly at points (N, 2) of level 0."""
     level = min(BRIGHTNESS_LEVEL, len(pyramid.layout) - 1)
     origin, stride, width, height = pyramid.layout[level].tolist()
     at = points / 2**level
@@ -86,10 +86,10 @@ def _means(pyramid: Pyramid, points: np.ndarray) -> np.ndarray:
 
 
 def _smoothed(rows: np.ndarray, changes: np.ndarray, height: int) -> np.ndarray:
-    """Log gains at every row (height,): a linear P-spline with a second-difference penalty.
+    """Log gain of every row (height,): a linear P-spline with a second-difference penalty.
 
-    The penalty is selected by generalised cross-validation (P. Eilers, B. Marx, "Flexible Smoothing
-    with B-splines and Penalties", 1996, doi:10.1214/ss/1038425655).
+    The weight of the penalty is selected by generalised cross-validation (P. Eilers, B. Marx,
+    "Flexible Smoothing with B-splines and Penalties", 1996, doi:10.1214/ss/1038425655).
     """
     knots = np.linspace(rows[0], rows[-1], ROW_KNOTS)
     at = (rows - knots[0]) / (knots[1] - knots[0])

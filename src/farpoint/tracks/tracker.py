@@ -30,7 +30,7 @@ Predict = Callable[[np.ndarray], np.ndarray]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Reference:
-    """Reference image and its tracks."""
+    """Reference image and the tracks in the reference image."""
 
     pyramid: Pyramid
     ids: np.ndarray
@@ -40,22 +40,24 @@ class _Reference:
 class Tracker:
     """Tracks corners through a sequence of images.
 
-    `match` compares an image with the reference and leaves the tracker unchanged. The caller then
-    makes the image the next reference with its inlier tracks (`advance`), starts new tracks in the
-    image (`restart`), or keeps the reference. `track` is `match` and `advance`.
+    `match` finds the tracks of a reference image in a new image and leaves the tracker unchanged.
+    The caller then has three choices: make the new image the next reference and keep the inlier
+    tracks (`advance`), make the new image the next reference with new tracks (`restart`), or keep
+    the old reference. `track` calls `match` and then `advance`.
 
-    Hot and dead pixels are detected and interpolated (`DefectivePixels`). Gains that change from
-    row to row, as of mains light under a rolling shutter, are estimated and removed (`row_gains`).
+    Hot and dead pixels are detected and interpolated (`DefectivePixels`). Gains that vary from row
+    to row, as flickering mains light causes them under a rolling shutter, are estimated and removed
+    (`row_gains`).
 
-    Equal images, options and calls give equal tracks, bit for bit.
+    The same images, options and calls give the same tracks, bit for bit.
 
     Parameters
     ----------
     options : TrackerOptions, optional
         Number of tracks, spacing, windows and thresholds.
     mask : ndarray of bool, shape (H, W), optional
-        True where tracks may lie; False on parts of the vehicle, such as a bonnet, and outside the
-        lens' field (`trackable_region`).
+        True where tracks may lie. Parts of the vehicle, such as a bonnet, and pixels outside the
+        lens' field (`trackable_region`) should be False.
 
     Examples
     --------
@@ -80,7 +82,7 @@ class Tracker:
 
     @property
     def ids(self) -> np.ndarray:
-        """Identities of the reference's tracks, int64, shape (N,), ascending."""
+        """Ids of the reference's tracks, int64, shape (N,), ascending."""
         return np.empty(0, np.int64) if self._reference is None else self._reference.ids.copy()
 
     @property
@@ -102,19 +104,21 @@ class Tracker:
         image : ndarray of uint8, shape (H, W)
             Grey values.
         predict : callable, optional
-            Maps pixels (N, 2) of the reference to expected pixels (N, 2) in the image; NaN where
-            unknown. It is also evaluated at neighbouring pixels, for the expected warps. After a
-            wrong prediction tracks are matched once more without it.
+            Maps pixels (N, 2) of the reference to expected pixels (N, 2) in the image; NaN if
+            unknown. The function is also called with neighbouring pixels, to find the expected
+            warps. If the prediction is wrong, tracks are matched once more without a prediction.
 
         Returns
         -------
         Tracks
-            Empty without a reference, without texture, and where no window matches.
+            Matches from the reference to the image. Empty if there is no reference, if the image
+            has no texture, or if no window matches.
 
         Raises
         ------
         InputError
-            If the image is not two-dimensional uint8, or not of the reference's size.
+            If the image is not a two-dimensional array of uint8, or if its size differs from the
+            size of the reference.
         """
         image = _checked_image(image)
         reference = self._reference
@@ -144,7 +148,7 @@ class Tracker:
     def _match_normalized_rows(
         self, reference: _Reference, pyramid: Pyramid, predict: Predict | None
     ) -> Tracks:
-        """Match images with normalised rows, since row gains may lose most tracks."""
+        """Match images with normalised rows, for cases in which row gains make most tracks fail."""
         even0, even1 = (
             build_pyramid(normalize_rows(level.image), self.options.matching)
             for level in (reference.pyramid, pyramid)
@@ -162,23 +166,23 @@ class Tracker:
         return tracks
 
     def sees_texture(self, image: np.ndarray) -> bool:
-        """Whether an image has at least max(8, 1 %) of the requested corners."""
+        """Whether an image has at least 8 corners and at least 1 % of the requested corners."""
         image = self._defects.repaired(_checked_image(image))
         wanted = max(self.options.max_tracks // 100, 8)
         return len(self._new_corners(image, np.empty((0, 2)), wanted)) == wanted
 
     def advance(self, image: np.ndarray, tracks: Tracks) -> None:
-        """Make ``image`` the reference with the given tracks, and detect new tracks in place of
-        missing ones.
+        """Make ``image`` the reference with the given tracks, and replace missing tracks by new
+        tracks.
 
-        If tracks have converged to one point, the oldest is kept.
+        If several tracks have converged to one point, only the oldest track is kept.
 
         Parameters
         ----------
         image : ndarray of uint8, shape (H, W)
             The image given to `match`.
         tracks : Tracks
-            Result of `match`, or its inliers (`Tracks.select`).
+            Result of `match`, or the inliers of that result (`Tracks.select`).
         """
         image = _checked_image(image)
         self._defects.learn(image, tracks)
@@ -200,11 +204,11 @@ class Tracker:
         )
 
     def restart(self, image: np.ndarray) -> None:
-        """Make ``image``, of any size, the reference, with new tracks and new ids."""
+        """Make ``image``, which may have any size, the reference with new tracks and new ids."""
         self.advance(image, Tracks.empty())
 
     def _pyramid_of(self, image: np.ndarray) -> Pyramid:
-        """Pyramid of the image; reused where `match` has built it."""
+        """Pyramid of the image. A pyramid that `match` has built is reused."""
         matched, self._matched = self._matched, None
         # Compared by value: a caller may reuse the same array for the next image.
         if matched is None or not np.array_equal(matched[0].image, image):
@@ -252,7 +256,7 @@ class Tracker:
         ).select(found & self._inside_mask(points1, pyramid.image))
 
     def _inside_mask(self, points: np.ndarray, image: np.ndarray) -> np.ndarray:
-        """Which points (N, 2) lie inside the mask; all lie within the image."""
+        """Whether each of the points (N, 2) of the image lies inside the mask."""
         mask = self._mask_for(image)
         if mask is None:
             return np.ones(len(points), bool)
@@ -272,9 +276,9 @@ class Tracker:
 def _subpixel_offsets(ids: np.ndarray) -> np.ndarray:
     """Low-discrepancy offsets (N, 2), -0.5 to 0.5 px, of new tracks.
 
-    Interpolation biases a match by up to 0.02 px, depending on the sub-pixel phases of its window
-    in both images. With all tracks on whole pixels this bias would be common to all of them, which
-    covariances of single tracks do not contain.
+    Interpolation biases a match by up to 0.02 px, depending on the sub-pixel phases of the window
+    in both images. If all tracks started on whole pixels, all matches would have the same bias, and
+    covariances of single matches do not contain a common error.
     """
     # Roberts' R2 sequence: the plastic number's reciprocal and its square.
     return ((ids[:, None] + 1) * np.array([0.7548776662466927, 0.5698402909980532])) % 1.0 - 0.5
@@ -290,7 +294,7 @@ def _checked_image(image: np.ndarray) -> np.ndarray:
 
 
 def grey_size(image: np.ndarray) -> tuple[int, int]:
-    """Width and height of an image; an InputError if the image is not grey uint8."""
+    """Width and height of a grey uint8 image. Any other image is an InputError."""
     height, width = _checked_image(image).shape
     return width, height
 
@@ -309,7 +313,7 @@ def _size(image: np.ndarray) -> str:
 
 
 def _predicted(predict: Predict | None, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Expected pixels (N, 2) of points (N, 2), and their derivatives (N, 2, 2) by the points."""
+    """Expected pixels (N, 2) of points (N, 2), and derivatives (N, 2, 2) by the points."""
     warps = np.broadcast_to(np.eye(2), (len(points), 2, 2)).copy()
     if predict is None:
         return points, warps

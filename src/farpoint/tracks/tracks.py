@@ -16,11 +16,11 @@ class Windows:
     Attributes
     ----------
     warps : ndarray of float64, shape (N, 2, 2)
-        Affine warps: derivatives of ``points1`` by ``points0``.
+        Affine warps: derivatives of ``Tracks.points1`` by ``Tracks.points0``.
     bending : ndarray of float64, shape (N, 2, 2, 3)
-        Bias of a match by quadratic motion within its window, px: ``[a, b, c]`` is the shift along
-        axis a for a unit coefficient of ``u^2``, ``u v`` or ``v^2`` (c = 0, 1, 2; pixels from the
-        window's centre) in the motion along axis b.
+        Bias of a match, px, due to quadratic motion within the window. Element ``[a, b, c]`` is the
+        bias along axis a if the motion along axis b contains the term ``u^2``, ``u v`` or ``v^2``
+        (c = 0, 1, 2) with coefficient 1. ``u`` and ``v`` are pixels from the window's centre.
     """
 
     warps: np.ndarray
@@ -38,14 +38,14 @@ class Tracks:
     Attributes
     ----------
     ids : ndarray of int64, shape (N,)
-        Identity of each track; the same number means the same scene point in every frame.
+        Id of each track. In all frames the same id means the same scene point.
     points0, points1 : ndarray of float64, shape (N, 2)
         Pixel positions in the earlier and the later frame.
     covariance_px2 : ndarray of float64, shape (N, 2, 2)
-        Covariance of ``points1`` given ``points0``, from image gradients and the residual.
+        Covariance of ``points1`` given ``points0``, px^2, from image gradients and residuals.
     windows : Windows or None
-        Deformations of the matched windows; None where `points1` was corrected for them, or
-        chained from several matches.
+        Deformations of the matched windows. None if `points1` was corrected for the deformations,
+        or if a match was chained from several matches.
     """
 
     ids: np.ndarray
