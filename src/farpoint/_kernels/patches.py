@@ -26,7 +26,7 @@ def split_image(rays: np.ndarray, splits: int, patch: np.ndarray) -> None:
 
 @step_kernel
 def _split(rays: np.ndarray, parts: int, patch: np.ndarray) -> None:
-    """Split each of the ``parts``: rays beyond the mean of a part move to a new part."""
+    """Split each of the ``parts`` across its longest axis: rays beyond the mean form a new part."""
     sizes, sums, squares = np.empty(parts), np.empty(3 * parts), np.empty(3 * parts)
     clear(sizes)
     clear(sums)

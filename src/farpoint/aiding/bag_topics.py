@@ -104,7 +104,7 @@ def _velocity(message: Any) -> tuple[np.ndarray, np.ndarray | None]:
 
 
 def _sigma_along(velocity: np.ndarray, covariance: np.ndarray | None) -> float:
-    """1-sigma of the speed, m/s; NaN if the covariance is unknown (zero or -1 by REP 103)."""
+    """1-sigma of the speed, m/s; NaN if the covariance is unknown (zero or -1, as in ROS's Imu)."""
     speed = np.linalg.norm(velocity)
     along = velocity / speed if speed > 0.0 else np.array([1.0, 0.0, 0.0])
     variance = math.nan if covariance is None else float(along @ covariance @ along)

@@ -40,10 +40,10 @@ def contradicting_motion(
     """Window of two views for a motion that contradicts the path; None without a contradiction.
 
     With short flow, two different motions may explain the matches, and the path may have started
-    from the wrong motion. Two motions between the views are optimised together with lens and
-    shutter: the motion of the path, and the two-view ``motion`` with the same length. The two-view
-    motion contradicts the path under two conditions: it differs significantly from the motion of
-    the path, and its log likelihood is at most 2 below that of the path.
+    from the wrong motion. Two motions between the views are optimised separately, each with lens
+    and shutter: the motion of the path, and the two-view ``motion`` with the same length. The
+    two-view motion contradicts the path under two conditions: it differs significantly from the
+    motion of the path, and its log likelihood is at most 2 below that of the path.
 
     Parameters
     ----------

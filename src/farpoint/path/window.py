@@ -355,9 +355,9 @@ class Window:
     def _find_scale(self) -> None:
         """Find the derivatives (D,) of the logarithm of the scale at the newest keyframe.
 
-        The scale is measured by the baseline from a keyframe to the newest keyframe whose
-        logarithmic length has the least variance. If no baseline is significant, as under pure
-        rotation, the variance of the last significant baseline is kept.
+        Of all baselines from a keyframe to the newest keyframe, the baseline whose logarithmic
+        length has the least variance measures the scale. If no baseline is significant, as under
+        pure rotation, the variance of the last significant baseline is kept.
         """
         count, newest, least = len(self.covariance), len(self.frames) - 1, np.inf
         self._by_scale = np.zeros(count)

@@ -17,7 +17,7 @@ class Windows:
     ----------
     warps : ndarray of float64, shape (N, 2, 2)
         Affine warps: derivatives of ``Tracks.points1`` by ``Tracks.points0``.
-    bending : ndarray of float64, shape (N, 2, 2, 3)
+    quadratic_bias : ndarray of float64, shape (N, 2, 2, 3)
         Bias of a match, px, due to quadratic motion within the window. Element ``[a, b, c]`` is the
         bias along axis a if the motion along axis b contains the term ``u^2``, ``u v`` or ``v^2``
         (c = 0, 1, 2) with coefficient 1. ``u`` and ``v`` are pixels from the window's centre.

@@ -45,7 +45,7 @@ def read(file: CalibrationFile, name: str) -> Camera:
 def _lens(fields: Fields, kind: str) -> CameraModel:
     projection = fields.group("projection_parameters")
     if kind == FISHEYE:
-        # It numbers the coefficients by the powers before theirs.
+        # CamOdoCal's k2 to k5 are the coefficients k1 to k4 of KannalaBrandt.
         keys = ("mu", "mv", "u0", "v0", "k2", "k3", "k4", "k5")
         fx, fy, cx, cy, k1, k2, k3, k4 = (projection.number(key) for key in keys)
         return KannalaBrandt(fx=fx, fy=fy, cx=cx, cy=cy, k1=k1, k2=k2, k3=k3, k4=k4)

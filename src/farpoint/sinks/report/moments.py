@@ -23,7 +23,7 @@ class Moment:
     Attributes
     ----------
     time_s : float
-        Time of the newer frame of the first pair, s since the first frame.
+        Time of the newer frame of the first pair, s since the first frame of the run.
     frame0, frame1 : int
         Indices of the frames of the first pair.
     title : str
