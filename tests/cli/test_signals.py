@@ -82,6 +82,10 @@ with interruptible():
 
 def test_a_signal_that_is_lost_in_a_destructor_is_sent_once_more():
     done = subprocess.run(
-        [sys.executable, "-c", DESTROY], capture_output=True, text=True, timeout=120
+        [sys.executable, "-c", DESTROY],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, "interrupted\n", "")
