@@ -110,10 +110,9 @@ def _estimated_noise_factor(inliers: float, effective: float) -> float:
     scattered = (
         2.0 * POSE_PARAMETERS * scatter_weight * scatter_weight / max(effective, POSE_PARAMETERS)
     )
-    return 1.0 / finite_sample_inflation(max(inliers - 5.0, 4.0)) - scattered
+    return 1.0 / _finite_sample_inflation(max(inliers - 5.0, 4.0)) - scattered
 
 
-@kernel
 def finite_sample_inflation(freedom: float) -> float:
     """Inflation of a covariance whose noise variance was estimated with f degrees of freedom.
 
@@ -123,6 +122,9 @@ def finite_sample_inflation(freedom: float) -> float:
     """
     on_average, for_most = freedom / (freedom - 2.0), 1.0 + (4.0 + 12.0 / freedom) / freedom
     return 0.5 * (on_average + for_most)
+
+
+_finite_sample_inflation = inlined_kernel(finite_sample_inflation)
 
 
 @inlined_kernel

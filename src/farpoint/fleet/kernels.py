@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
 from farpoint._kernels.discs import draw_discs
-from farpoint.camera import Camera
+from farpoint.camera import Camera, KannalaBrandt
 from farpoint.odometry import Odometry
+from farpoint.pose import RelativePoseOptions, estimate_relative_pose
 
 __all__ = ["compile_kernels"]
 
@@ -17,18 +20,49 @@ _CAMERAS = (
     Camera.pinhole(*_LENS, distortion=(0.01, 0.0, 0.0, 0.0)).with_readout(0.02, 0.002),
 )
 _FRAMES = 5
+_SEEDS = 8  # scenes of each kind: in about half of them the search finds a secondary mode
 
 
 def compile_kernels() -> None:
-    """Run small drives and draw, so that all kernels of a run are in numba's cache on this machine.
+    """Run small drives, and estimate motions in scenes of many kinds, so that all kernels of
+    later runs are in numba's cache on this machine.
 
     The images are large enough for 60 matches, because halves of the tracks correct the covariance
     only from 60 matches on.
     """
-    from farpoint.synthetic import render_drive  # loaded on use, and once
+    # Loaded on use: only this function needs the scenes.
+    from farpoint.synthetic import PointSceneOptions, make_point_scene, render_drive
 
     for camera in _CAMERAS:
         odometry = Odometry(camera)
         for frame in render_drive(camera, frames=_FRAMES, seed=0):
-            odometry.process(frame.image, frame.timestamp)
+            result = odometry.process(frame.image, frame.timestamp)
+        odometry.split_half(result)
+    lens = KannalaBrandt(fx=200.0, fy=200.0, cx=159.5, cy=119.5)
+    fisheye = Camera(model=lens, size=_LENS[:2])
+    usual = PointSceneOptions(camera=_CAMERAS[0])
+    turning = dataclasses.replace(
+        usual, translation_m=(0.0, 0.0, 0.0), rotation_vector_rad=(0.02, 0.0, 0.0)
+    )
+    # A general motion, and one with little parallax, with large noise, with two modes, and none.
+    for options in (
+        dataclasses.replace(usual, camera=fisheye, matches=600),
+        dataclasses.replace(usual, far_share=0.8, translation_m=(0.02, 0.0, 0.0)),
+        dataclasses.replace(usual, noise_px=3.0),
+        dataclasses.replace(
+            usual,
+            matches=60,
+            outliers=0,
+            far_share=0.0,
+            near_range_m=(3.0, 3.1),
+            translation_m=(0.1, 0.0, 0.0),
+            noise_px=0.5,
+        ),
+        turning,
+    ):
+        for seed in range(_SEEDS):
+            scene = make_point_scene(options, seed=seed)
+            given = scene.points0, scene.points1, scene.camera
+            estimate_relative_pose(*given)
+            estimate_relative_pose(*given, options=RelativePoseOptions(refine=False))
     draw_discs(np.zeros((8, 8, 3), np.uint8), np.array([[4.0, 4.0]]), 2.0, (0, 0, 0))
