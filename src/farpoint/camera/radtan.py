@@ -12,7 +12,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.polynomial import Polynomial
 
 from farpoint._kernels.constants import LENS_TABLE_STEPS
 from farpoint._kernels.lens import distort, undistort
@@ -203,7 +202,8 @@ class RadialTangential:
         farthest = min(np.arctan(radial_fold), FARTHEST_RAD)
         radii = np.tan(np.linspace(0.0, farthest, RADIAL_NODES))
         keeps = self._surely_keeps_orientation(radii)
-        keeps[~keeps] = self._keeps_orientation(radii[~keeps])
+        if not keeps.all():
+            keeps[~keeps] = self._keeps_orientation(radii[~keeps])
         return float(radii[-1] if keeps.all() else radii[np.argmin(keeps) - 1])
 
     @cached_property
@@ -212,10 +212,12 @@ class RadialTangential:
         increases.
         """
         k1, k2, _, _, k3, k4, k5, k6 = self._full[:8]
-        gain, loss = Polynomial([1, k1, k2, k3]), Polynomial([1, k4, k5, k6])
+        gain, loss = np.array([1.0, k1, k2, k3]), np.array([1.0, k4, k5, k6])
+        degrees = np.arange(4)
         # Numerator of d(r gain / loss) / dr as a polynomial of r^2.
-        slope = gain * loss + Polynomial([0, 2]) * (gain.deriv() * loss - gain * loss.deriv())
-        end = np.sqrt(min(first_positive_root(slope.coef), first_positive_root(loss.coef)))
+        slope = np.convolve((1.0 + 2.0 * degrees) * gain, loss)
+        slope -= np.convolve(gain, 2.0 * degrees * loss)
+        end = np.sqrt(min(first_positive_root(slope), first_positive_root(loss)))
         # Short of a pole, where the denominator vanishes; at a fold the height does not change.
         return float(end * (1.0 - 1e-9))
 

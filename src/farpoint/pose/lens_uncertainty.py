@@ -16,15 +16,18 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from farpoint._kernels.constants import COARSE_STEPS, LINEAR_STEP_RAD, ROUNDING, STUDENT_FREEDOM
+from farpoint._kernels.constants import (
+    COARSE_STEPS,
+    LINEAR_STEP_RAD,
+    ROUNDING,
+    STUDENT_FREEDOM,
+)
 from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.geometry import so3
-from farpoint.geometry.sphere import tangent_basis
 from farpoint.geometry.vectors import cross, products
 from farpoint.pose.conclusion import with_covariance
 from farpoint.pose.constants import (
-    IDENTITY,
     LENS_CONVERGED_SIGMA,
     LENS_INLIERS,
     LENS_LINEAR_SIGMA,
@@ -143,7 +146,7 @@ class _Lenses(NamedTuple):
     def of(
         cls, view0: View, view1: View, shutter: Shutter | None, rows: np.ndarray, theta: np.ndarray
     ) -> _Lenses:
-        """Lenses of two views, which share all errors if the two cameras are the same object.
+        """Lenses of two views, which share all errors if the two cameras are the same.
 
         The errors of two different cameras are independent.
         """
@@ -160,14 +163,26 @@ class _Lenses(NamedTuple):
         return self.factors[0].shape[1] + SHUTTER_ERRORS
 
     def rays(self, z: np.ndarray | None = None) -> tuple[_Rays, _Rays]:
-        """Rays of both images through the given lenses, or through lenses with the errors ``z``."""
-        views, shutter = self.views, self.shutter
+        """Rays of both images through the given lenses, or through lenses with the errors ``z``.
+
+        The derivatives by the lens follow from the implicit function theorem, as in
+        `CameraModel.unproject_parameter_jacobian`.
+        """
+        (view0, view1), shutter = self.views, self.shutter
         if z is not None:
-            *cameras, shutter = self.at(z)
-            views = tuple(v.through(c) for v, c in zip(views, cameras, strict=True))
-        first, second = (
-            _rays_of(view, factor) for view, factor in zip(views, self.factors, strict=True)
-        )
+            camera0, camera1, shutter = self.at(z)
+            view0, view1 = view0.through(camera0), view1.through(camera1)
+        if view0.camera is view1.camera:  # both images in one call
+            count, both = len(view0.rays), np.concatenate((view0.rays, view1.rays))
+            by_both = view0.camera.refinable.project_parameter_jacobian(both)
+            by_parameters = by_both[:count], by_both[count:]
+        else:
+            by_parameters = tuple(
+                view.camera.refinable.project_parameter_jacobian(view.rays)
+                for view in (view0, view1)
+            )
+        first = _by_lens(view0, by_parameters[0], self.factors[0])
+        second = _by_lens(view1, by_parameters[1], self.factors[1])
         if shutter is None:
             return first, second
         shutter = shutter.select(self.rows)
@@ -193,15 +208,12 @@ class _Lenses(NamedTuple):
         return first, _with_error(camera1, factor1 @ of_lens), shutter
 
 
-def _rays_of(view: View, factor: np.ndarray) -> _Rays:
-    """Rays of a view, and derivatives of the rays by the lens errors.
-
-    The derivatives follow from the implicit function theorem, as in
-    `CameraModel.unproject_parameter_jacobian`.
-    """
-    pixel_by_lens = view.camera.refinable.project_parameter_jacobian(view.rays) @ factor
-    by_lens = np.zeros((len(view.rays), 3, factor.shape[1] + SHUTTER_ERRORS))
-    by_lens[:, :, :-SHUTTER_ERRORS] = -products(view.by_pixel, pixel_by_lens)
+def _by_lens(view: View, by_parameters: np.ndarray, factor: np.ndarray) -> _Rays:
+    """Rays of a view, and derivatives of the rays by the lens errors."""
+    size, (count, _, parameters) = factor.shape[1], by_parameters.shape
+    pixel_by_lens = (by_parameters.reshape(-1, parameters) @ factor).reshape(count, 2, size)
+    by_lens = np.zeros((count, 3, size + SHUTTER_ERRORS))
+    by_lens[:, :, :size] = -products(view.by_pixel, pixel_by_lens)
     return _Rays(view.rays, view.by_pixel, by_lens)
 
 
@@ -222,7 +234,10 @@ def _unrolled(rays: _Rays, image: int, shutter: Shutter, theta: np.ndarray) -> _
 
 def _crossed_by_axes(a: np.ndarray) -> np.ndarray:
     """Columns (N, 3, 3) ``e_k x a`` for the three axes: the derivative of ``Exp(dtheta) a``."""
-    return np.ascontiguousarray(cross(IDENTITY, a[:, None]).transpose(0, 2, 1))
+    columns = np.zeros((len(a), 3, 3))
+    columns[:, 0, 1], columns[:, 0, 2], columns[:, 1, 2] = a[:, 2], -a[:, 1], a[:, 0]
+    columns[:, 1, 0], columns[:, 2, 0], columns[:, 2, 1] = -a[:, 2], a[:, 1], -a[:, 0]
+    return columns
 
 
 def _with_error(camera: Camera, error: np.ndarray) -> Camera:
@@ -245,9 +260,9 @@ def _sensitivity(pose: RelativePose, rays0: _Rays, rays1: _Rays) -> np.ndarray:
     R, t = pose.rotation_cam1_from_cam0, pose.direction_cam1_from_cam0
     assert R is not None
     if t is None:
-        flow = _Flow.of(R, rays0, rays1)
-        by_x = flow.by_x.reshape(-1, flow.by_x.shape[2])
-        weight = np.repeat(1.0 / flow.variance, 2)
+        by_x = _flow(R, rays0, rays1)[1]
+        weight = np.repeat(1.0 / _flow_variance(rays0, rays1), 3)
+        by_x = by_x.reshape(-1, by_x.shape[2])
         return _solved(by_x[:, :3], by_x[:, 3:], weight)
     assert pose.direction_basis is not None
     a, b = rays0.rays @ R.T, rays1.rays
@@ -271,46 +286,32 @@ def _solved(by_x: np.ndarray, by_lens: np.ndarray, weight: np.ndarray) -> np.nda
 
     The solution is zero along directions of ``x`` that the matches do not determine.
     """
-    known = np.isfinite(weight) & np.isfinite(by_x).all(axis=1) & np.isfinite(by_lens).all(axis=1)
-    weighted = (by_x * weight[:, None])[known]
-    return -np.linalg.pinv(weighted.T @ by_x[known], hermitian=True) @ (weighted.T @ by_lens[known])
+    exists = np.isfinite(by_x.sum(axis=1) + by_lens.sum(axis=1) + weight)
+    if not exists.all():
+        by_x, by_lens, weight = by_x[exists], by_lens[exists], weight[exists]
+    weighted = by_x * weight[:, None]
+    values, axes = np.linalg.eigh(weighted.T @ by_x)
+    axes = axes[:, values > ROUNDING * values[-1]]
+    values = values[values > ROUNDING * values[-1]]
+    return -(axes / values) @ (axes.T @ (weighted.T @ by_lens))
 
 
-class _Flow(NamedTuple):
-    """Derotated flow: ``b - R a`` in the plane perpendicular to ``b``.
+def _flow(R: np.ndarray, rays0: _Rays, rays1: _Rays) -> tuple[np.ndarray, np.ndarray]:
+    """Derotated flow ``b - R a`` (N, 3), and its derivatives (N, 3, 3 + r) by ``[dtheta, dz]``.
 
-    ``left`` (N, 2) is the flow, and ``by_x`` (N, 2, 3 + r) its derivatives by ``x = [dtheta, dz]``.
-    ``variance`` (N,) is the variance of the flow along one direction if each pixel coordinate has a
-    variance of 1 px^2.
+    The flow is perpendicular to ``b``, up to its square.
     """
+    a = rays0.rays @ R.T
+    by_x = np.empty((len(a), 3, 3 + rays0.by_lens.shape[2]))
+    by_x[:, :, :3] = -_crossed_by_axes(a)
+    np.subtract(rays1.by_lens, R @ rays0.by_lens, out=by_x[:, :, 3:])
+    return rays1.rays - a, by_x
 
-    left: np.ndarray
-    by_x: np.ndarray
-    variance: np.ndarray
 
-    @classmethod
-    def of(cls, R: np.ndarray, rays0: _Rays, rays1: _Rays) -> _Flow:
-        """The flow that remains without the rotation ``R`` (3, 3), camera 1 from camera 0."""
-        a, b = rays0.rays @ R.T, rays1.rays
-        basis = tangent_basis(b).transpose(0, 2, 1)
-        by_lens = rays1.by_lens - R @ rays0.by_lens
-        noise = np.sum(rays1.by_pixel**2, axis=(1, 2)) + np.sum(rays0.by_pixel**2, axis=(1, 2))
-        return cls(
-            left=(basis @ (b - a)[:, :, None])[:, :, 0],
-            by_x=products(basis, np.concatenate([-_crossed_by_axes(a), by_lens], axis=2)),
-            variance=np.maximum(0.5 * noise, np.finfo(float).tiny),
-        )
-
-    def per_sigma(self, noise_px: float) -> tuple[np.ndarray, np.ndarray]:
-        """Flow (M, 2) and derivatives (M, 2, 3 + r) in units of the noise.
-
-        M is the number of matches whose rays exist: through a lens with errors, some pixels may
-        have no ray.
-        """
-        scale = 1.0 / (noise_px * np.sqrt(self.variance))
-        left, by_x = self.left * scale[:, None], self.by_x * scale[:, None, None]
-        exists = np.isfinite(left).all(axis=1) & np.isfinite(by_x).all(axis=(1, 2))
-        return (left, by_x) if exists.all() else (left[exists], by_x[exists])
+def _flow_variance(rays0: _Rays, rays1: _Rays) -> np.ndarray:
+    """Variance (N,) of the flow along one direction if each pixel coordinate has one of 1 px^2."""
+    noise = np.sum(rays1.by_pixel**2, axis=(1, 2)) + np.sum(rays0.by_pixel**2, axis=(1, 2))
+    return np.maximum(0.5 * noise, np.finfo(float).tiny)
 
 
 def _explained_by_a_rotation(
@@ -331,15 +332,15 @@ def _explained_by_a_rotation(
     farthest2 = float(scipy.special.chdtri(float(lenses.size), rate))
     contradicts2 = float(scipy.special.chdtri(2.0, rate))
     x = x0 = np.zeros(size)  # [dtheta, z], and where the flow is linearised
-    flow0, by_x = _Flow.of(R, *rays).per_sigma(noise_px)
+    flow0, by_x = _flow_per_sigma(R, *rays, noise_px)
     for _ in range(COARSE_STEPS):
         rows, flow = by_x.reshape(-1, size), flow0 + by_x @ (x - x0)
-        weight = (STUDENT_FREEDOM + 2.0) / (STUDENT_FREEDOM + np.sum(flow**2, axis=1))
-        weighted = rows * np.repeat(weight, 2)[:, None]
+        weight = (STUDENT_FREEDOM + 2.0) / (STUDENT_FREEDOM + _squares(flow))
+        weighted = rows * np.repeat(weight, 3)[:, None]
         H = weighted.T @ rows + np.diag(prior)
         H += ROUNDING * np.trace(H) * np.eye(size)
         step = -np.linalg.solve(H, weighted.T @ flow.reshape(-1) + prior * x)
-        if np.median(np.sum((flow + by_x @ step) ** 2, axis=1)) > contradicts2:
+        if 2 * np.count_nonzero(_squares(flow + by_x @ step) > contradicts2) > len(flow):
             return None
         x = x + step
         x[3:] *= min(1.0, np.sqrt(farthest2 / max(float(x[3:] @ x[3:]), 1e-300)))
@@ -349,8 +350,26 @@ def _explained_by_a_rotation(
         if moved[:3].max() > LINEAR_STEP_RAD or moved[3:].max() > LENS_LINEAR_SIGMA:
             R = so3.exp(x[:3]) @ R
             x = x0 = np.concatenate([np.zeros(3), x[3:]])
-            flow0, by_x = _Flow.of(R, *lenses.rays(x[3:])).per_sigma(noise_px)
+            flow0, by_x = _flow_per_sigma(R, *lenses.rays(x[3:]), noise_px)
     return x[3:]
+
+
+def _flow_per_sigma(
+    R: np.ndarray, rays0: _Rays, rays1: _Rays, noise_px: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """`_flow` and its derivatives in units of the noise, for matches whose rays exist.
+
+    Through a lens with errors, some pixels may have no ray.
+    """
+    flow, by_x = _flow(R, rays0, rays1)
+    scale = 1.0 / (noise_px * np.sqrt(_flow_variance(rays0, rays1)))
+    flow, by_x = flow * scale[:, None], by_x * scale[:, None, None]
+    exists = np.isfinite(flow.sum(axis=1) + by_x.sum(axis=(1, 2)))
+    return (flow, by_x) if exists.all() else (flow[exists], by_x[exists])
+
+
+def _squares(flow: np.ndarray) -> np.ndarray:
+    return np.einsum("ni,ni->n", flow, flow)
 
 
 def _without_direction(pose: RelativePose) -> RelativePose:
