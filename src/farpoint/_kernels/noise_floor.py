@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
+
+from farpoint._kernels.compile import inlined_kernel, kernel, sum_kernel
 
 __all__ = ["floor_likelihoods"]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel
 def floor_likelihoods(
     squares: np.ndarray, variances: np.ndarray, floors: np.ndarray, freedom: float, rounds: int
 ) -> np.ndarray:
@@ -31,24 +32,47 @@ def floor_likelihoods(
     -------
     ndarray, shape (F,)
     """
-    likelihoods = np.empty(len(floors))
-    n = len(squares)
-    ratios = np.empty(n)
+    n, likelihoods = len(squares), np.empty(len(floors))
+    summed, ratios = np.empty(n), np.empty(n)
     for k in range(len(floors)):
-        factor = 0.0
         for i in range(n):
-            ratios[i] = squares[i] / (variances[i] + floors[k])
-            factor += ratios[i] / n
+            summed[i] = variances[i] + floors[k]
+            ratios[i] = squares[i] / summed[i]
+        factor = _sum(ratios) / n
         for _ in range(rounds):
-            mean = 0.0
-            for i in range(n):
-                scaled = ratios[i] / factor
-                mean += (freedom + 1.0) / (freedom + scaled) * scaled
-            factor *= mean / n
+            factor *= _sum_of_weighted(ratios, 1.0 / factor, freedom) / n
         factor = max(factor, 1e-300)
-        total = 0.0
         for i in range(n):
-            total += math.log(factor * (variances[i] + floors[k]))
-            total += (freedom + 1.0) * math.log1p(ratios[i] / factor / freedom)
+            ratios[i] = 1.0 + ratios[i] / (factor * freedom)
+        total = n * math.log(factor) + _sum_of_logs(summed) + (freedom + 1.0) * _sum_of_logs(ratios)
         likelihoods[k] = -0.5 * total
     return likelihoods
+
+
+@sum_kernel
+def _sum(values: np.ndarray) -> float:
+    total = 0.0
+    for i in range(np.uintp(len(values))):
+        total += values[i]
+    return total
+
+
+@sum_kernel
+def _sum_of_weighted(ratios: np.ndarray, over_factor: float, freedom: float) -> float:
+    """Sum of the ratios over a factor, each with its weight in Student's distribution."""
+    total = 0.0
+    for i in range(np.uintp(len(ratios))):
+        scaled = ratios[i] * over_factor
+        total += (freedom + 1.0) / (freedom + scaled) * scaled
+    return total
+
+
+@inlined_kernel
+def _sum_of_logs(values: np.ndarray) -> float:
+    """Sum of logarithms, of which a product of four values needs only one."""
+    total, n = 0.0, len(values)
+    for i in range(0, n - 3, 4):
+        total += math.log(values[i] * values[i + 1] * values[i + 2] * values[i + 3])
+    for i in range(n - n % 4, n):
+        total += math.log(values[i])
+    return total
