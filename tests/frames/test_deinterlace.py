@@ -85,3 +85,11 @@ def test_an_odometry_uses_one_field_and_says_so(fields: list[np.ndarray]):
             assert result.pose.status is fp.PoseStatus.OK
     assert odometry.notes == ("The images are interlaced: only their even lines are used.",)
     assert plain.notes == ()
+
+
+def test_strong_combs_count():
+    # Lines that alternate between black and white: their squared differences exceed 16 bits.
+    image = np.zeros((128, 128), np.uint8)
+    image[::2] = 255
+    image[64:] = np.repeat(np.arange(64, dtype=np.uint8)[:, None], 128, axis=1)
+    assert comb_share(image) == 1.0

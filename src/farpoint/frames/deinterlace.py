@@ -61,10 +61,10 @@ def comb_share(image: np.ndarray) -> float:
     columns = some.shape[1] // (_BLOCK_PX // _EVERY_COLUMN) * (_BLOCK_PX // _EVERY_COLUMN)
     if rows < 2 * _BLOCK_PX or columns == 0:
         return 0.0
-    lines = some[:, :columns].astype(np.int16)
-    middle = 2 * lines[2:-2]
-    by_next = _in_blocks((middle - lines[1:-3] - lines[3:-1]) ** 2 // 4)
-    by_second = _in_blocks((middle - lines[:-4] - lines[4:]) ** 2 // 4)
+    lines = some[:, :columns].astype(np.float32)
+    middle = lines[2:-2]
+    by_next = _in_blocks((middle - 0.5 * (lines[1:-3] + lines[3:-1])) ** 2)
+    by_second = _in_blocks((middle - 0.5 * (lines[:-4] + lines[4:])) ** 2)
     textured = np.maximum(by_next, by_second) > _TEXTURE_GREY2
     if not textured.any():
         return 0.0
@@ -96,7 +96,7 @@ def _shifted(lines: np.ndarray, count: int) -> np.ndarray:
 
 def _in_blocks(squares: np.ndarray) -> np.ndarray:
     """Means over the blocks of an image."""
-    width = _BLOCK_PX // _EVERY_COLUMN
-    height = len(squares) // _BLOCK_PX * _BLOCK_PX
-    blocks = squares[:height].reshape(-1, _BLOCK_PX, squares.shape[1] // width, width)
-    return blocks.mean(axis=(1, 3), dtype=np.float32)
+    width, height = _BLOCK_PX // _EVERY_COLUMN, len(squares) // _BLOCK_PX
+    blocks = squares[: height * _BLOCK_PX].reshape(height, _BLOCK_PX, -1)
+    columns = blocks.sum(axis=1)  # first: along lines the memory is contiguous
+    return columns.reshape(height, -1, width).sum(axis=2) / (_BLOCK_PX * width)
