@@ -1,10 +1,10 @@
-"""Batched arithmetic of small vectors and matrices, faster than NumPy's functions."""
+"""Arithmetic of small vectors and matrices, and the median, faster than NumPy's functions."""
 
 from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["cross", "products", "solutions"]
+__all__ = ["cross", "median", "products", "solutions"]
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -16,6 +16,15 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     product[..., 1] = az * bx - ax * bz
     product[..., 2] = ax * by - ay * bx
     return product
+
+
+def median(values: np.ndarray) -> float:
+    """Median of at least one finite number, (N,)."""
+    half = len(values) // 2
+    if len(values) % 2:
+        return float(np.partition(values, half)[half])
+    parts = np.partition(values, (half - 1, half))
+    return float(0.5 * (parts[half - 1] + parts[half]))
 
 
 def products(a: np.ndarray, b: np.ndarray) -> np.ndarray:

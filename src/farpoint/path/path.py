@@ -11,6 +11,7 @@ import numpy as np
 
 from farpoint.camera import Camera
 from farpoint.geometry import so3
+from farpoint.geometry.vectors import median
 from farpoint.path.constants import (
     CHI2_P99_OF_3,
     CHI2_P999_OF_2,
@@ -446,7 +447,7 @@ class PathBuilder:
         if not both.any() or both.sum() < self._options.keyframe_share * len(before.ids):
             return math.inf
         flow = np.linalg.norm(now.pixels[both] - before.pixels[rows[both]], axis=1)
-        return float(np.median(flow))
+        return median(flow)
 
     def _add_keyframe(self, window: Window, observed: TrackObservations, pair: Pair) -> None:
         while len(window) >= self._options.keyframes:

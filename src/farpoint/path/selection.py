@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from farpoint.geometry.vectors import median
 from farpoint.path.constants import GOLDEN_SHARE, MIN_SHARE_IN_VIEW, NEWEST_KEYFRAMES, SAME_PLACE
 from farpoint.path.history import TrackObservations
 from farpoint.path.landmarks import Landmarks
@@ -49,7 +50,7 @@ def redundant_keyframe(window: Window, alive: np.ndarray) -> int:
             return slot
     p = np.array([frame.p for frame in window.frames])
     known = marks.s[marks.has_depth]
-    nearness = float(np.median(known)) if len(known) else 1.0
+    nearness = median(known) if len(known) else 1.0
     distances = nearness * np.linalg.norm(p[:, None] - p, axis=2) + SAME_PLACE
     density = np.sum(1.0 / distances[:count, :count], axis=1)
     return int(np.argmax(np.sqrt(distances[:count, -1]) * density))

@@ -12,7 +12,7 @@ from farpoint._kernels.cholesky import point_variances
 from farpoint._kernels.constants import GATE_SIGMA, UNSEEN_PX
 from farpoint._kernels.window import point_steps
 from farpoint.geometry import so3
-from farpoint.geometry.vectors import cross, products
+from farpoint.geometry.vectors import cross, median, products
 from farpoint.path.constants import (
     DAMPING_FACTOR,
     DEPTH_DAMPING,
@@ -262,7 +262,7 @@ class Window:
                 (estimate > 0.0) & (estimate**2 * information > SIGNIFICANT_PARALLAX_SIGMA**2)
             ]
         if len(known) >= 8:
-            return float(np.median(known))
+            return median(known)
         return 0.05 / max(float(np.linalg.norm(self.frames[-1].p - self.frames[-2].p)), 1e-9)
 
     def _variances(self, last: np.ndarray, accumulated: np.ndarray) -> np.ndarray:
@@ -452,7 +452,7 @@ class Window:
         variances = np.empty(len(rows))
         point_variances(rows, normal.coupling, normal.point_h, spread, variances)
         known = marks.s[marks.has_depth]
-        typical = float(np.median(known)) if len(known) else 0.0
+        typical = median(known) if len(known) else 0.0
         largest = np.maximum(RELIABLE_DEPTH_SIGMA * marks.s[rows], FAR_DEPTH_SIGMA * typical)
         marks.is_reliable[:] = False
         marks.is_reliable[rows] = variances / self.design_effect < largest**2
@@ -478,7 +478,7 @@ class Window:
 
     def _depth_damping(self) -> float:
         known = self.landmarks.s[self.landmarks.has_depth]
-        return DEPTH_DAMPING / float(np.median(known)) ** 2 if len(known) else 1.0
+        return DEPTH_DAMPING / median(known) ** 2 if len(known) else 1.0
 
     def _move(self, step: np.ndarray, normal: Normal) -> None:
         marks, poses = self.landmarks, step[: 6 * len(self.frames)].reshape(-1, 6)
@@ -493,7 +493,7 @@ class Window:
         point_steps(
             normal.coupling, normal.point_h, normal.point_g, step, self._depth_damping(), changes
         )
-        typical = float(np.median(marks.s[marks.has_depth]))
+        typical = median(marks.s[marks.has_depth])
         largest = MAX_DEPTH_STEP_RATIO * np.maximum(marks.s, typical)
         updated = np.clip(marks.s + changes, MIN_INVERSE_DEPTH, largest)
         marks.s = np.where(marks.has_depth, updated, marks.s)

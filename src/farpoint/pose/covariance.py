@@ -17,6 +17,7 @@ from farpoint._kernels.patches import split_patches
 from farpoint._kernels.residual_correlation import patch_correlation
 from farpoint._kernels.split_halves import pose_difference_ratio
 from farpoint.geometry.so3 import rotation_vector
+from farpoint.geometry.vectors import median
 from farpoint.pose.certainty import fixes_rotation
 from farpoint.pose.constants import (
     EXPECTED_RATIO_FREEDOM,
@@ -193,5 +194,5 @@ def shared_covariance(matches: Matches, sigma: float) -> np.ndarray:
     """
     if sigma == 0.0:
         return np.zeros((3, 3))
-    per_unit = 0.5 * float(np.median(1.0 / matches.precision))  # rad^2; both images have noise
+    per_unit = 0.5 * median(1.0 / matches.precision)  # rad^2; both images have noise
     return sigma**2 * per_unit * np.eye(3)

@@ -25,6 +25,7 @@ from farpoint._kernels.rounding import rounding_variance
 from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.geometry.sphere import normalize, tangent_basis
+from farpoint.geometry.vectors import median
 from farpoint.pose.constants import (
     ISOTROPIC,
     MIN_NOISE_VARIANCE,
@@ -386,20 +387,24 @@ def _covariances(
     """
     if covariance0_px2 is None and covariance1_px2 is None:
         return ISOTROPIC, ISOTROPIC
-    names = ("covariance0_px2", "covariance1_px2")
-    given = [
-        None
-        if covariance is None
-        else _bounded(_checked_covariance(name, covariance, count), *VARIANCE_BOUNDS_PX2)
-        for name, covariance in zip(names, (covariance0_px2, covariance1_px2), strict=True)
-    ]
+    first = _checked_covariance("covariance0_px2", covariance0_px2, count)
+    is_shared = covariance0_px2 is covariance1_px2
+    second = first
+    if not is_shared:
+        second = _checked_covariance("covariance1_px2", covariance1_px2, count)
     # The median, because one huge variance would make all others exact after division by a mean.
-    traces = [np.trace(c, axis1=1, axis2=2) for c in given if c is not None]
-    typical = max(float(np.median(traces)) / 2.0 if count else 1.0, 1e-300)
-    first, second = (
-        ISOTROPIC if c is None else _bounded(c / typical, *VARIANCE_RATIO_BOUNDS) for c in given
-    )
-    return first, second
+    different = (first,) if is_shared else (first, second)
+    traces = [c[:, 0, 0] + c[:, 1, 1] for c in different if c is not None]
+    typical = max(median(np.concatenate(traces)) / 2.0 if count else 1.0, 1e-300)
+    first = _relative(first, typical)
+    return first, first if is_shared else _relative(second, typical)
+
+
+def _relative(covariances: np.ndarray | None, typical: float) -> np.ndarray:
+    """Covariances divided by a typical variance; isotropic if there are none."""
+    if covariances is None:
+        return ISOTROPIC
+    return _bounded(covariances / typical, *VARIANCE_RATIO_BOUNDS)
 
 
 def _bounded(covariances: np.ndarray, least: float, most: float) -> np.ndarray:
@@ -408,9 +413,9 @@ def _bounded(covariances: np.ndarray, least: float, most: float) -> np.ndarray:
     Squares and quotients of variances outside the range would overflow, or a single match would
     leave no weight for the other matches.
     """
-    variances = covariances[:, [0, 1], [0, 1]]
-    lowest, highest = variances.min(axis=1), variances.max(axis=1)
-    far = (lowest < least) | (highest > most)
+    xx, yy = covariances[:, 0, 0], covariances[:, 1, 1]
+    highest = np.maximum(xx, yy)
+    far = (np.minimum(xx, yy) < least) | (highest > most)
     if not far.any():
         return covariances
     scale = most / np.maximum(highest[far], most)
@@ -419,7 +424,10 @@ def _bounded(covariances: np.ndarray, least: float, most: float) -> np.ndarray:
     return bounded
 
 
-def _checked_covariance(name: str, covariance: np.ndarray, count: int) -> np.ndarray:
+def _checked_covariance(name: str, covariance: np.ndarray | None, count: int) -> np.ndarray | None:
+    """Positive definite covariances (N, 2, 2), px^2, with bounded variances; None without any."""
+    if covariance is None:
+        return None
     C = checked_rows(name, covariance, (2, 2), rows=count)
     xx, xy, yx, yy = C.reshape(-1, 4).T
     if not (np.abs(xy - yx) <= 1e-6 * np.abs(xy) + 1e-8).all():
@@ -427,4 +435,4 @@ def _checked_covariance(name: str, covariance: np.ndarray, count: int) -> np.nda
     # As roots: the squares of large variances overflow.
     if not ((xx > 0.0) & (yy > 0.0)).all() or not (np.abs(xy) < np.sqrt(xx) * np.sqrt(yy)).all():
         raise InputError("expected positive definite matrices", field=name)
-    return C
+    return _bounded(C, *VARIANCE_BOUNDS_PX2)

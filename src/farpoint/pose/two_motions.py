@@ -19,7 +19,7 @@ import numpy as np
 from farpoint._kernels.constants import COARSE_STEPS, GATE_SIGMA, MIN_MATCHES, MIN_SHARE
 from farpoint._kernels.evidence import find_stationary
 from farpoint.geometry.sphere import tangent_basis
-from farpoint.geometry.vectors import cross
+from farpoint.geometry.vectors import cross, median
 from farpoint.pose.constants import (
     DISC_CENTERS,
     DISC_MATCHES,
@@ -140,7 +140,7 @@ def _independent_variance(fit: GeneralMotionFit) -> float:
     The estimate includes the heavy tail of the noise, because matches of a second motion may be in
     the tail.
     """
-    sigma = MAD_TO_SIGMA * float(np.median(np.abs(fit.residual[fit.probability > 0.5])))
+    sigma = MAD_TO_SIGMA * median(np.abs(fit.residual[fit.probability > 0.5]))
     return max(1.0 - fit.neighbours.correlation, MIN_INDEPENDENT_SHARE) * sigma**2
 
 

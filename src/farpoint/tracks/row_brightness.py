@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from farpoint.geometry.vectors import median
 from farpoint.tracks.constants import (
     BRIGHTNESS_LEVEL,
     DARK_GREY,
@@ -49,15 +50,15 @@ def row_gains(before: Pyramid, after: Pyramid, tracks: Tracks) -> np.ndarray | N
     changes = np.log(grey1[bright] / grey0[bright])[order]
     if len(rows) < MIN_ROW_TRACKS:
         return None
-    changes = changes - np.median(changes)
-    deviation = np.median(np.abs(changes))
+    changes = changes - median(changes)
+    deviation = median(np.abs(changes))
     if deviation < MIN_ROW_DEVIATION:
         return None
     half = ROW_NEIGHBOURS // 2
     neighbours = np.lib.stride_tricks.sliding_window_view(changes, ROW_NEIGHBOURS)
     rows, changes = rows[half:-half], changes[half:-half]
     errors = np.abs(changes - np.median(np.delete(neighbours, half, axis=1), axis=1))
-    remainder = np.median(errors)
+    remainder = median(errors)
     if remainder > MAX_UNEXPLAINED * deviation:
         return None
     inliers = errors <= ROW_INLIER_RATIO * remainder
