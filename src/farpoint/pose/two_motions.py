@@ -209,22 +209,23 @@ def _best_disc(rays: np.ndarray, rows: np.ndarray, total: np.ndarray) -> np.ndar
     """
     some = np.arange(0, len(rays), max(len(rays) // DISC_MATCHES, 1))
     n, scale = len(some), len(rays) / len(some)
-    cosines = rays[some[np.arange(DISC_CENTERS) * n // DISC_CENTERS]] @ rays[some].T
-    nearest = np.argsort(-cosines, axis=1)
-    counts = np.array([round(share * n) for share in DISC_SHARES])
+    centers = some[np.arange(DISC_CENTERS) * n // DISC_CENTERS]
+    cosines = rays[centers] @ rays[some].T
+    outward = np.sort(cosines, axis=1)[:, ::-1]
+    rims = outward[:, [round(share * n) - 1 for share in DISC_SHARES]]
+    discs = (cosines[:, None] >= rims[:, :, None]).reshape(-1, n)
     products = rows[some, :, None] * rows[some, None, :]  # (n, 6, 6)
-    within = scale * np.cumsum(products[nearest], axis=1)[:, counts - 1].reshape(-1, 6, 6)
+    within = scale * (discs.astype(float) @ products.reshape(n, -1)).reshape(-1, 6, 6)
     left = _left_over(within) + _left_over(total - within)
-    disc, count = divmod(int(np.argmin(left)), len(counts))
-    center, last = nearest[disc, 0], nearest[disc, counts[count] - 1]
-    return rays @ rays[some[center]] >= cosines[disc, last]
+    disc, rim = divmod(int(np.argmin(left)), len(DISC_SHARES))
+    return rays @ rays[centers[disc]] >= rims[disc, rim]
 
 
 def _own_steps(squares: np.ndarray) -> np.ndarray:
     """Gauss-Newton steps (K, 5), from the sums (K, 6, 6) of products of ``[r, J]``."""
-    H = squares[:, 1:, 1:]
-    damping = 1e-9 * np.trace(H, axis1=1, axis2=2) + 1e-300
-    damped = H + damping[:, None, None] * np.eye(5)
+    damped = squares[:, 1:, 1:].copy()
+    diagonals = np.einsum("kii->ki", damped)  # a view
+    diagonals += 1e-9 * diagonals.sum(axis=1, keepdims=True) + 1e-300
     return -np.linalg.solve(damped, squares[:, 1:, :1])[:, :, 0]
 
 
