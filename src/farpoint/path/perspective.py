@@ -81,7 +81,7 @@ class _Motion(NamedTuple):
     direction: np.ndarray
 
     def updated(self, rays: np.ndarray, nearness: np.ndarray) -> np.ndarray:
-        return rays @ self.R.T + nearness[:, None] * self.direction
+        return rays @ self.R.T + np.multiply.outer(nearness, self.direction)
 
 
 def _quadratic_coefficients(
@@ -91,7 +91,7 @@ def _quadratic_coefficients(
     h = WARP_STEP_PX
     steps = h * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1], [1, 1]])
     rays = camera.unproject((points + steps[:, None]).reshape(-1, 2))
-    nearness = np.sum(np.tile(planes, (len(steps), 1)) * rays, axis=1)
+    nearness = np.einsum("nk,snk->sn", planes, rays.reshape(len(steps), -1, 3)).reshape(-1)
     updated = camera.project(motion.updated(rays, nearness)).reshape(len(steps), -1, 2)
     here, right, left, below, above, corner = updated
     uu = (right + left - 2.0 * here) / (2.0 * h**2)
@@ -119,12 +119,12 @@ def _planes(tracks: Tracks, camera: Camera, motion: _Motion) -> tuple[np.ndarray
     rest = tracks.windows.warps - products((ahead.reshape(-1, 3) @ R).reshape(-1, 2, 3), tangents)
     excess = np.einsum("na,nab->nb", along, rest)
     across = np.einsum("na,nab->nb", along[:, ::-1] * [-1.0, 1.0], rest)
-    length = np.linalg.norm(along, axis=1)
-    misfit = np.linalg.norm(across, axis=1) / np.where(length > 0.0, length, np.inf)
+    length = np.hypot(along[:, 0], along[:, 1])
+    misfit = np.hypot(across[:, 0], across[:, 1]) / np.where(length > 0.0, length, np.inf)
     # Regularised for pixels whose ray has no derivative.
     metric = products(tangents.transpose(0, 2, 1), tangents) + MIN_TANGENT_METRIC * np.eye(2)
-    prior = (SLOPE_SIGMA * nearness) ** 2 * 0.5 * np.trace(metric, axis1=1, axis2=2)
-    gain = prior / (prior * np.sum(along**2, axis=1) + WARP_SIGMA**2)
+    prior = (SLOPE_SIGMA * nearness) ** 2 * 0.5 * (metric[:, 0, 0] + metric[:, 1, 1])
+    gain = prior / (prior * length**2 + WARP_SIGMA**2)
     slopes = solutions(metric, gain[:, None] * excess)
     planes = nearness[:, None] * rays0 + np.einsum("nib,nb->ni", tangents, slopes)
     # NaN, where the lens has no derivatives, becomes the largest misfit.

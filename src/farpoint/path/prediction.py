@@ -25,8 +25,8 @@ def inverse_depths(
     rotated = rays0 @ R_cam1_from_cam0.T
     plane_of_motion = cross(direction, rotated)
     plane_of_match = cross(rays1, rotated)
-    square = np.maximum(np.sum(plane_of_motion**2, axis=1), 1e-12)
-    return np.sum(plane_of_match * plane_of_motion, axis=1) / square
+    square = np.maximum(np.einsum("nk,nk->n", plane_of_motion, plane_of_motion), 1e-12)
+    return np.einsum("nk,nk->n", plane_of_match, plane_of_motion) / square
 
 
 def point_predictor(
