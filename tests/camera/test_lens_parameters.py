@@ -109,6 +109,15 @@ def test_derivatives_match_central_differences(lens: CameraModel) -> None:
     assert assert_parameter_jacobians_hold(lens, pixels) > 100
 
 
+def test_all_derivatives_at_once_are_the_same(lens: CameraModel) -> None:
+    rays = np.random.default_rng(0).normal(size=(100, 3))
+    rays[0] = 0.0, 0.0, -1.0
+    pixels, by_point, by_parameters = lens.linearised(rays)
+    np.testing.assert_array_equal(pixels, lens.project(rays))
+    np.testing.assert_array_equal(by_point, lens.project_jacobian(rays))
+    np.testing.assert_array_equal(by_parameters, lens.project_parameter_jacobian(rays))
+
+
 def test_derivatives_hold_on_the_axis_and_beside_it(lens: CameraModel) -> None:
     axis_px = lens.project(np.array([[0.0, 0.0, 1.0]]))[0]
     steps = np.array([[0, 0], [1e-8, 1e-8], [0, 1e-5], [1e-2, 0]])

@@ -96,9 +96,19 @@ class FocalModel(LensModel):
     def _from_plane(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """Unit rays (N, 3) of plane coordinates; NaN rows where no ray exists."""
 
+    def linearised(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """`project`, `project_jacobian` and `project_parameter_jacobian` of the same points."""
+        x, y, z = np.asarray(points, dtype=np.float64).T
+        with np.errstate(all="ignore"):
+            a, b = self._to_plane(x, y, z)
+            by_point = self._by_point(x, y, z, np.isnan(a)).reshape(-1, 2, 3)
+            return self._pixels(a, b), by_point, self._by_parameters(x, y, z, a, b)
+
     def _project(self, points: np.ndarray) -> np.ndarray:
-        a, b = self._to_plane(*points.T)
-        pixels = np.empty((len(points), 2))
+        return self._pixels(*self._to_plane(*points.T))
+
+    def _pixels(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        pixels = np.empty((len(a), 2))
         pixels[:, 0] = self.fx * a + self.cx
         pixels[:, 1] = self.fy * b + self.cy
         return pixels
@@ -110,8 +120,12 @@ class FocalModel(LensModel):
 
     def _project_jacobian(self, points: np.ndarray) -> np.ndarray:
         x, y, z = points.T
-        unseen = np.isnan(self._to_plane(x, y, z)[0])
-        flat = np.empty((len(points), 6))
+        return self._by_point(x, y, z, np.isnan(self._to_plane(x, y, z)[0]))
+
+    def _by_point(
+        self, x: np.ndarray, y: np.ndarray, z: np.ndarray, unseen: np.ndarray
+    ) -> np.ndarray:
+        flat = np.empty((len(x), 6))
         for row, (focal, gradient) in enumerate(
             zip((self.fx, self.fy), self._to_plane_jacobian(x, y, z), strict=True)
         ):
@@ -122,9 +136,13 @@ class FocalModel(LensModel):
 
     def _project_parameter_jacobian(self, points: np.ndarray) -> np.ndarray:
         x, y, z = points.T
-        a, b = self._to_plane(x, y, z)
+        return self._by_parameters(x, y, z, *self._to_plane(x, y, z))
+
+    def _by_parameters(
+        self, x: np.ndarray, y: np.ndarray, z: np.ndarray, a: np.ndarray, b: np.ndarray
+    ) -> np.ndarray:
         by_shape = self._to_plane_parameters(x, y, z)
-        jacobian = np.zeros((len(points), 2, 4 + len(by_shape)))
+        jacobian = np.zeros((len(x), 2, 4 + len(by_shape)))
         jacobian[:, 0, 0], jacobian[:, 1, 1] = a, b
         jacobian[:, 0, 2] = jacobian[:, 1, 3] = 1.0
         for column, (by_a, by_b) in enumerate(by_shape, start=4):

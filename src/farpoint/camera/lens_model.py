@@ -129,6 +129,14 @@ class LensModel(ABC):
         )
         return flat.reshape(-1, 2, count)
 
+    def linearised(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """`project`, `project_jacobian` and `project_parameter_jacobian` of the same points."""
+        return (
+            self.project(points),
+            self.project_jacobian(points),
+            self.project_parameter_jacobian(points),
+        )
+
     def unproject_jacobian(self, rays: np.ndarray) -> np.ndarray:
         """Derivative of the unit ray by the pixel, shape (N, 3, 2), rad/px; NaN for rays outside
         the field.

@@ -72,6 +72,10 @@ class CameraModel(Protocol):
         """
         ...
 
+    def linearised(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """`project`, `project_jacobian` and `project_parameter_jacobian` of the same points."""
+        ...
+
     def unproject_parameter_jacobian(self, rays: np.ndarray) -> np.ndarray:
         """Derivative of the unit ray of a fixed pixel by the `parameters`, shape (N, 3, P), rad.
 

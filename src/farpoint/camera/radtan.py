@@ -109,20 +109,23 @@ class RadialTangential:
     def _untilted_derivatives(
         self, x: np.ndarray, y: np.ndarray
     ) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Derivatives of `_map` by the first twelve coefficients."""
+        """Derivatives of `_map` by the first five or, if the lens has more, twelve coefficients."""
         k1, k2, _, _, k3, k4, k5, k6 = self._full[:8]
         xx, yy, xy = x * x, y * y, x * y
         r2 = xx + yy
         r4 = r2 * r2
         r6 = r4 * r2
         inverse = 1.0 / (1.0 + k4 * r2 + k5 * r4 + k6 * r6)
+        radial = [(x * power * inverse, y * power * inverse) for power in (r2, r4, r6)]
+        tangential = [(2.0 * xy, r2 + 2.0 * yy), (r2 + 2.0 * xx, 2.0 * xy)]
+        usual = [*radial[:2], *tangential, radial[2]]
+        if len(self.coefficients) <= len(usual):
+            return usual
         fall = -(1.0 + k1 * r2 + k2 * r4 + k3 * r6) * inverse * inverse
         zero = np.zeros_like(r2)
-        radial = [(x * power * inverse, y * power * inverse) for power in (r2, r4, r6)]
         rational = [(x * power * fall, y * power * fall) for power in (r2, r4, r6)]
-        tangential = [(2.0 * xy, r2 + 2.0 * yy), (r2 + 2.0 * xx, 2.0 * xy)]
         prism = [(r2, zero), (r4, zero), (zero, r2), (zero, r4)]
-        return [*radial[:2], *tangential, radial[2], *rational, *prism]
+        return [*usual, *rational, *prism]
 
     def undistort(self, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Inverse of `distort`; NaN for points (a, b) that are not the image of any point.

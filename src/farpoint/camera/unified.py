@@ -158,8 +158,10 @@ class Unified(FocalModel):
         sheared = [(by_a + self._shear * by_b, by_b) for by_a, by_b in (by_xi, *by_coefficients)]
         return [*sheared, (lens.b / self.fx, np.zeros_like(lens.b))]
 
-    def _project_parameter_jacobian(self, points: np.ndarray) -> np.ndarray:
-        jacobian = super()._project_parameter_jacobian(points)
+    def _by_parameters(
+        self, x: np.ndarray, y: np.ndarray, z: np.ndarray, a: np.ndarray, b: np.ndarray
+    ) -> np.ndarray:
+        jacobian = super()._by_parameters(x, y, z, a, b)
         # The skew is in pixels: its share of a does not grow with fx.
         jacobian[:, 0, 0] -= self._shear * jacobian[:, 1, 1]
         return jacobian

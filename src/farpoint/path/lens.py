@@ -173,7 +173,7 @@ class LensEstimate:
         rays = self._model.unproject(pixels)
         if not self.size:
             return rays, np.zeros((len(pixels), 3, 0))
-        by_lens = self._by_lens(rays)
+        by_lens = self._by_lens(self._model.project_parameter_jacobian(rays))
         return rays, -products(self._model.unproject_jacobian(rays), by_lens)
 
     def pixels_of(self, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -184,7 +184,7 @@ class LensEstimate:
         infinite at 90 degrees from the optical axis.
         """
         assert self.given.size is not None
-        pixels, by_ray = self._model.project(rays), self._model.project_jacobian(rays)
+        pixels, by_ray, by_parameters = self._model.linearised(rays)
         center = 0.5 * (np.array(self.given.size) - 1.0)
         with np.errstate(invalid="ignore"):
             far = ~(np.abs(pixels - center) < FARTHEST_PIXEL * np.array(self.given.size)).all(
@@ -193,12 +193,11 @@ class LensEstimate:
         pixels[far] = np.nan
         if not self.size:
             return pixels, by_ray, np.zeros((len(rays), 2, 0))
-        return pixels, by_ray, self._by_lens(rays)
+        return pixels, by_ray, self._by_lens(by_parameters)
 
-    def _by_lens(self, rays: np.ndarray) -> np.ndarray:
-        """Derivatives (N, 2, r) by ``z`` of the pixels of rays."""
-        by_parameters = self._model.project_parameter_jacobian(rays)
-        found = np.empty((len(rays), 2, self.size))
+    def _by_lens(self, by_parameters: np.ndarray) -> np.ndarray:
+        """Derivatives (N, 2, r) by ``z`` of pixels, from those by the parameters (N, 2, P)."""
+        found = np.empty((len(by_parameters), 2, self.size))
         by_sigmas(np.ascontiguousarray(by_parameters), self.factor, found)
         return found
 
