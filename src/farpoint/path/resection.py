@@ -14,6 +14,7 @@ from farpoint.geometry.vectors import cross
 from farpoint.path.constants import RESIDUAL_INFLATIONS
 from farpoint.path.history import TrackObservations
 from farpoint.path.information import inverse
+from farpoint.path.residuals import clear_unseen
 from farpoint.path.window import Window
 
 __all__ = ["Located", "locate_frame"]
@@ -173,9 +174,7 @@ class _Points:
         rays /= np.maximum(np.linalg.norm(rays, axis=1, keepdims=True), 1e-300)
         pixels, by_ray, by_lens = window.lens.pixels_of(rays)
         offsets = pixels + by_lens @ window.lens.change - self.pixels - self.before
-        unseen = ~(np.isfinite(offsets).all(axis=1) & np.isfinite(by_ray).all(axis=(1, 2)))
-        unseen |= ~np.isfinite(by_lens).all(axis=(1, 2))
-        rays[unseen], offsets[unseen], by_ray[unseen], by_lens[unseen] = 0.0, 0.0, 0.0, 0.0
+        clear_unseen(rays, offsets, by_ray, by_lens)
         return _Expected(rays, offsets, by_ray, by_lens)
 
     def _gradient_by_state(

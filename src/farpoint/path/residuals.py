@@ -27,7 +27,16 @@ from farpoint.path.keyframe import Keyframe
 from farpoint.path.landmarks import Landmarks
 from farpoint.path.lens import LensEstimate
 
-__all__ = ["NOISE", "Linear", "Normal", "Poses", "Residuals", "WindowNoise", "row_phase"]
+__all__ = [
+    "NOISE",
+    "Linear",
+    "Normal",
+    "Poses",
+    "Residuals",
+    "WindowNoise",
+    "clear_unseen",
+    "row_phase",
+]
 
 
 class WindowNoise(NamedTuple):
@@ -112,6 +121,17 @@ class Normal(NamedTuple):
         return System(H, g)
 
 
+def clear_unseen(*linearised: np.ndarray) -> None:
+    """Set all values (N, ...) of a point to zero if any of them is not finite."""
+    if math.isfinite(sum(float(values.sum()) for values in linearised)):
+        return  # the usual case, without a look at each point
+    unseen = np.zeros(len(linearised[0]), bool)
+    for values in linearised:
+        unseen |= ~np.isfinite(values.reshape(len(unseen), -1)).all(axis=1)
+    for values in linearised:
+        values[unseen] = 0.0
+
+
 def row_phase(pixels: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     """Read-out phase of pixels (N, 2), -1/2 to 1/2 of the read-out time."""
     return pixels[:, 1] / max(size[1] - 1, 1) - 0.5
@@ -160,12 +180,7 @@ class Residuals:
         )  # fmt: skip
         pixels, by_ray, by_lens = lens.pixels_of(rays)
         offsets = pixels - marks.pixels
-        found = np.concatenate(
-            [offsets, by_ray.reshape(-1, 6), by_lens.reshape(len(rays), -1)], axis=1
-        )
-        unseen = ~np.isfinite(found).all(axis=1)
-        if unseen.any():
-            rays[unseen], offsets[unseen], by_ray[unseen], by_lens[unseen] = 0.0, 0.0, 0.0, 0.0
+        clear_unseen(rays, offsets, by_ray, by_lens)
         return rays, offsets, by_ray, by_lens
 
     def linear(self, poses: Poses) -> Linear:
