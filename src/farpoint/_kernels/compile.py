@@ -80,30 +80,38 @@ inlined_kernel: _Decorator = partial(_njit, forceinline=True, **_OPTIONS, **_INN
 sum_kernel: _Decorator = partial(_njit, forceinline=True, **_SUM_OPTIONS, **_INNER)
 
 
-# Kernels that this process has called, which are compiled.
-_called: set[Any] = set()
+# Steps of a computation that this process has done, whose kernels are compiled.
+_done: set[str] = set()
+_has_announced = threading.Event()
 
 
 class AnnouncedCompilation:
-    """Print a notice once on standard error if a kernel has to be compiled first."""
+    """Print a notice on standard error, once, if the kernels of a step have to be compiled first.
 
-    def __init__(self, loop: Callable[..., object]) -> None:
-        self._loop = loop
+    Parameters
+    ----------
+    step : str
+        Name of a step of the computation. Only the first step of a name in a process is watched.
+    """
+
+    def __init__(self, step: str) -> None:
+        self._step = step
         self._notice: threading.Timer | None = None
 
     def __enter__(self) -> None:
-        if self._loop in _called or os.environ.get("NUMBA_DISABLE_JIT") == "1":
+        if self._step in _done or os.environ.get("NUMBA_DISABLE_JIT") == "1":
             return
-        self._notice = threading.Timer(
-            COMPILE_NOTICE_S,
-            lambda: print(
-                "farpoint: compiling for this machine, once", file=sys.stderr, flush=True
-            ),
-        )
+        self._notice = threading.Timer(COMPILE_NOTICE_S, _announce)
         self._notice.daemon = True
         self._notice.start()
 
     def __exit__(self, *_: object) -> None:
         if self._notice is not None:
             self._notice.cancel()
-            _called.add(self._loop)
+            _done.add(self._step)
+
+
+def _announce() -> None:
+    if not _has_announced.is_set():
+        _has_announced.set()
+        print("farpoint: compiling for this machine, once", file=sys.stderr, flush=True)

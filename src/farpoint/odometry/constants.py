@@ -45,3 +45,7 @@ LENS_CHANGE_FALSE_ALARM = 0.0027
 
 # Frames per seed with different random splits. Chosen.
 FRAMES_PER_SEED = 1_000_000
+
+# Number of frames whose kernels are usually new to a process. Derived: frame 0 detects corners, 1
+# tracks and estimates, and 2 predicts.
+FRAMES_WITH_NEW_KERNELS = 3

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from farpoint._kernels.compile import AnnouncedCompilation
 from farpoint.camera import Camera
 from farpoint.frames import Frame
 from farpoint.frames.deinterlace import Deinterlacer
@@ -15,7 +16,7 @@ from farpoint.metrics import SplitHalf, image_cells, split_half
 from farpoint.odometry.angular_velocity import AngularVelocity
 from farpoint.odometry.at_rest import at_rest
 from farpoint.odometry.capture_times import CaptureTimes
-from farpoint.odometry.constants import FRAMES_PER_SEED
+from farpoint.odometry.constants import FRAMES_PER_SEED, FRAMES_WITH_NEW_KERNELS
 from farpoint.odometry.half_ratios import HalfRatios
 from farpoint.odometry.lens_in_use import LensInUse
 from farpoint.odometry.mask import checked_mask, tracked_region
@@ -206,6 +207,12 @@ class Odometry:
             from the size of the calibration or of the mask.
         """
         index, self._next_index = self._next_index, self._next_index + 1
+        with AnnouncedCompilation(f"frame {min(index, FRAMES_WITH_NEW_KERNELS)}"):
+            return self._process(image, timestamp, fault, index)
+
+    def _process(
+        self, image: np.ndarray | None, timestamp: float, fault: str | None, index: int
+    ) -> OdometryResult:
         timestamp, fell = self._time.update(timestamp)
         if fell:  # another recording, joined to the one before
             self._capture.restart()

@@ -12,7 +12,6 @@ import numpy as np
 
 from farpoint._kernels.compile import AnnouncedCompilation
 from farpoint._kernels.constants import MIN_MATCHES
-from farpoint._kernels.motion import fit_motion
 from farpoint.errors import InputError
 from farpoint.pose.candidates import likeliest_motion
 from farpoint.pose.certainty import direction_sigma
@@ -44,7 +43,7 @@ def search(matches: Matches, options: RelativePoseOptions, seed: int) -> General
     """The motion that the search finds; None for too few matches."""
     if len(matches) < MIN_MATCHES:
         return None
-    with AnnouncedCompilation(fit_motion):
+    with AnnouncedCompilation("motion"):
         return fit_general_motion(
             matches, options.matching_tolerance_px, options, _random_state(seed)
         )
@@ -66,7 +65,7 @@ def estimate(
             matches.total,
             diagnostics,
         )
-    with AnnouncedCompilation(fit_motion):
+    with AnnouncedCompilation("motion"):
         return _find(matches, tolerance, options, _random_state(seed), diagnostics, start)
 
 
