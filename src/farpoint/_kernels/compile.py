@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import sys
 import threading
@@ -27,22 +28,35 @@ __all__ = [
 
 
 def forget_stale(folder: Path, *called: Path) -> None:
-    """Remove compiled code in ``folder`` that is older than a source file on which it may depend.
+    """Remove compiled code of ``folder`` that is older than a source file on which it may depend.
 
-    These source files are in ``folder`` and in the ``called`` folders. numba checks only the file
-    of a kernel itself, not the files of the kernels that this kernel calls. After a ``git pull``,
-    old and new kernels would therefore call each other. If ``NUMBA_CACHE_DIR`` is set, the cache is
-    in a subfolder of that folder, named after the folder of the sources.
+    These source files are in ``folder``, and in the folders or among the files ``called``. numba
+    checks only the file of a kernel itself, not the files of the kernels that this kernel calls.
+    After a ``git pull``, old and new kernels would therefore call each other.
     """
-    sources = (source for each in (folder, *called) for source in each.glob("*.py"))
+    sources = (
+        source
+        for each in (folder, *called)
+        for source in (each.glob("*.py") if each.is_dir() else [each])
+    )
     changed = max((source.stat().st_mtime for source in sources), default=0.0)
     kept_in = [folder / "__pycache__"]
     if cache := os.environ.get("NUMBA_CACHE_DIR"):
-        kept_in += Path(cache).glob(f"{folder.name}_*")
+        kept_in.append(Path(cache) / _cache_name(folder))
     for index in (index for each in kept_in for index in each.glob("*.nbi")):
         with suppress(OSError):  # another process may use it, or the folder is read-only
             if index.stat().st_mtime < changed:
                 index.unlink()
+
+
+def _cache_name(folder: Path) -> str:
+    """Name that numba gives to the cache of a folder of sources within ``NUMBA_CACHE_DIR``.
+
+    The hash distinguishes folders of the same name, such as the folders ``kernels`` of two
+    packages, or the same folder of two installations.
+    """
+    path = os.path.abspath(folder)  # noqa: PTH100 - as numba does: a link is not resolved
+    return f"{folder.name}_{hashlib.sha1(path.encode(), usedforsecurity=False).hexdigest()}"
 
 
 forget_stale(Path(__file__).parent)
