@@ -15,7 +15,7 @@ import farpoint
 SOURCES = Path(farpoint.__file__).parent
 KERNELS = SOURCES / "_kernels"
 # Called by kernels only: these have no wrapper for Python.
-INNER = {"inner_kernel", "inlined_kernel", "sum_kernel"}
+INNER = {"inner_kernel", "inlined_kernel", "sum_kernel", "inner_loop_kernel"}
 PRIVATE = re.compile(r"^(numba\.(core|_\w+|np|cpython|misc|typed|stencils)\b|llvmlite\b)")
 
 

@@ -21,7 +21,9 @@ __all__ = [
     "forget_stale",
     "inlined_kernel",
     "inner_kernel",
+    "inner_loop_kernel",
     "kernel",
+    "loop_kernel",
     "step_kernel",
     "sum_kernel",
 ]
@@ -80,7 +82,7 @@ kernel: _Decorator = partial(_njit, cache=True, nogil=True, **_OPTIONS)
 # Called by kernels only: cached as part of the caller.
 inner_kernel: _Decorator = partial(_njit, **_OPTIONS, **_INNER)
 
-# A named part of the one kernel that calls it, compiled inline.
+# A named part of the kernels that call it, compiled inline with their options.
 step_kernel: _Decorator = partial(_njit, inline="always", **_OPTIONS)
 
 # Body of a loop: every operation as written, inlined by LLVM.
@@ -92,6 +94,13 @@ inlined_kernel: _Decorator = partial(_njit, forceinline=True, **_OPTIONS, **_INN
 # and once more within its caller, it could add in two orders, and a process that compiles would use
 # the one where a process that loads the compiled kernel uses the other.
 sum_kernel: _Decorator = partial(_njit, forceinline=True, **_SUM_OPTIONS, **_INNER)
+
+# Called by Python: loops that may add in any order, such as those over the observations of a
+# window, and that write to arrays. Cached on disk, as `kernel`.
+loop_kernel: _Decorator = partial(_njit, cache=True, nogil=True, **_SUM_OPTIONS)
+
+# Called by a `loop_kernel` only.
+inner_loop_kernel: _Decorator = partial(_njit, **_SUM_OPTIONS, **_INNER)
 
 
 # Kernels that this process has called, which are compiled.
