@@ -17,6 +17,7 @@ import numba
 from farpoint._kernels.constants import COMPILE_NOTICE_S
 
 __all__ = [
+    "SHARED_KERNELS",
     "AnnouncedCompilation",
     "forget_stale",
     "inlined_kernel",
@@ -27,6 +28,10 @@ __all__ = [
     "step_kernel",
     "sum_kernel",
 ]
+
+
+# Folder of the kernels that those of any package may call.
+SHARED_KERNELS = Path(__file__).parent
 
 
 def forget_stale(folder: Path, *called: Path) -> None:
@@ -61,7 +66,7 @@ def _cache_name(folder: Path) -> str:
     return f"{folder.name}_{hashlib.sha1(path.encode(), usedforsecurity=False).hexdigest()}"
 
 
-forget_stale(Path(__file__).parent)
+forget_stale(SHARED_KERNELS)
 
 _Decorator = Callable[[Callable[..., Any]], Any]
 # Untyped: numba's type hints lack some of its options.
