@@ -41,10 +41,6 @@ ROUNDING = 1e-12
 # Chosen: below any variance.
 TINY = 1e-300
 
-# Information of an unknown that no observation constrains, in place of zero, whose inverse would
-# overflow. Derived: a standard deviation of 1e12 rad or units.
-LEAST_INFORMATION = 1e-24
-
 # Variance that stands for no information: rad^2 for filler, which is consistent with any pose;
 # squared unit of an inverse distance. Chosen.
 NO_INFORMATION_VARIANCE = 1e12
@@ -64,9 +60,6 @@ MIN_PARALLAX_PRIOR = 1e-30
 
 # Share of the tail where the noise variance is bounded; its logarithm must exist. Chosen.
 NO_TAIL_SHARE = 1e-9
-
-# Relative ridge on the information of a window, for poses that no point constrains. Chosen.
-WINDOW_RIDGE = 1e-9
 
 # Variance, in units of the noise, with which all matches have the same weight. Chosen.
 UNIFORM_WEIGHTS_VARIANCE = 1e20
@@ -456,17 +449,6 @@ PIXEL_GRIDS = np.int64(3)
 # the next pixel would be outliers, and all others would prove that the camera stands still.
 # Chosen.
 GRID_SIGMA = 0.5
-
-# --- Window of keyframes
-
-# Residual, px, of a point that is not in front of the camera. Convention: a mark.
-UNSEEN_PX = 1e9
-
-# Cost, in log likelihood, of a point behind the camera. Chosen: as a residual of many sigma.
-UNSEEN_COST = 50.0
-
-# Least cosine between a point and its prediction. Chosen.
-MIN_FACING_COSINE = 0.2
 
 # --- Synthetic scenes
 

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import loop_kernel
-from farpoint._kernels.constants import LEAST_INFORMATION
+from farpoint.path.constants import LEAST_INFORMATION
 
 __all__ = ["eliminate_points", "factorise", "invert", "point_variances", "solve"]
 

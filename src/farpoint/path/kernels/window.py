@@ -18,13 +18,8 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inner_loop_kernel, loop_kernel, step_kernel
-from farpoint._kernels.constants import (
-    MIN_FACING_COSINE,
-    STUDENT_FREEDOM,
-    UNSEEN_COST,
-    UNSEEN_PX,
-    WINDOW_RIDGE,
-)
+from farpoint._kernels.constants import STUDENT_FREEDOM
+from farpoint.path.constants import MIN_FACING_COSINE, UNSEEN_COST, UNSEEN_PX, WINDOW_RIDGE
 
 __all__ = [
     "by_sigmas",
