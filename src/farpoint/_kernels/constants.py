@@ -133,14 +133,6 @@ HALF_TOLERANCE = 1e-2
 # Upper bound of the sweeps of Jacobi's method. Chosen: five are usual.
 JACOBI_SWEEPS = 30
 
-# Length of the last step of Newton's method for the ray of a pixel, over 1 + the length of the
-# ray's x and y. Chosen.
-LENS_TOLERANCE = 1e-10
-
-# Steps of the table of radii of a distorted plane, per unit of r / (1 + r). Chosen: Newton's method
-# then takes two steps for a lens with little distortion.
-LENS_TABLE_STEPS = 1024
-
 # --- Vector instructions and packed matches
 
 # Numbers that a vector instruction processes at once, at most: lanes of the five rays of a
