@@ -1,8 +1,9 @@
 """Every number of the kernels that has a name: unit, meaning and origin.
 
 Origin is "derived" (from what), "convention", "measured" (by what), or "chosen" where nothing more
-is known. Packages above import from here what is the same number there. A NumPy integer is an
-argument of kernels: numba would compile them again for a literal.
+is known. Packages above import from here what is the same number there; a number of the kernels of
+one package only is in that package. A NumPy integer is an argument of kernels: numba would compile
+them again for a literal.
 """
 
 from __future__ import annotations
