@@ -78,9 +78,6 @@ STUDENT_FREEDOM = 5.0
 # that dominates a given axis of the pose. Derived: rotation (3), direction (2).
 POSE_PARAMETERS = 5
 
-# Parameters of a rotation. Derived.
-ROTATION_PARAMETERS = 3
-
 # Least number of matches that are evidence of a motion, or of a part of the scene. Convention:
 # five matches fix a motion, and a consensus needs a few more.
 MIN_MATCHES = 8
