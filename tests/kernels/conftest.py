@@ -10,9 +10,16 @@ import numpy as np
 import numpy.ma  # reads the docstring of numpy.empty, replaced below
 import pytest
 
-from farpoint._kernels import compile as compiling
+import farpoint
+from farpoint._kernels.compile import SHARED_KERNELS, forget_stale
 
-compiling.forget_stale(Path(__file__).parent, Path(compiling.__file__).parent)
+_SOURCES = Path(farpoint.__file__).parent
+forget_stale(
+    Path(__file__).parent,
+    SHARED_KERNELS,
+    *_SOURCES.glob("*/kernels"),
+    *_SOURCES.glob("*/constants.py"),
+)
 
 
 _EMPTY = np.empty

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from farpoint._kernels.corners import corner_strength, strongest_places
+from farpoint.tracks.kernels.corners import corner_strength, strongest_places
 
 IMAGE = np.random.default_rng(0).integers(0, 256, (23, 31)).astype(np.uint8)
 

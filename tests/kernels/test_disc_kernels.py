@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from farpoint._kernels.discs import draw_discs
+from farpoint.sinks.kernels.discs import draw_discs
 
 GREEN = (10, 200, 60)
 

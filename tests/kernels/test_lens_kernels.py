@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from farpoint._kernels.constants import LENS_TABLE_STEPS
-from farpoint._kernels.lens import (
+from farpoint.camera.kernels.constants import LENS_TABLE_STEPS
+from farpoint.camera.kernels.lens import (
     distort,
     invert_projection,
     pinhole_ray_jacobian,

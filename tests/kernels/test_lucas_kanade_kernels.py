@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from farpoint._kernels.lucas_kanade import Levels, blank_workspace, border_px, follow_windows
-from farpoint._kernels.windows import Termination
+from farpoint.tracks.kernels.lucas_kanade import Levels, blank_workspace, border_px, follow_windows
+from farpoint.tracks.kernels.windows import Termination
 
 HALF = 4
 BORDER = border_px(HALF)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import os
 import re
+import sys
 from importlib import import_module
 from pathlib import Path
 
@@ -13,9 +14,11 @@ import pytest
 import farpoint
 
 SOURCES = Path(farpoint.__file__).parent
-KERNELS = SOURCES / "_kernels"
+# Folders of kernels: those that any kernel may call with the two-view estimator, and those of one
+# package each.
+KERNELS = [SOURCES / "_kernels", *sorted(SOURCES.glob("*/kernels"))]
 # Called by kernels only: these have no wrapper for Python.
-INNER = {"inner_kernel", "inlined_kernel", "sum_kernel"}
+INNER = {"inner_kernel", "inlined_kernel", "sum_kernel", "inner_loop_kernel"}
 PRIVATE = re.compile(r"^(numba\.(core|_\w+|np|cpython|misc|typed|stencils)\b|llvmlite\b)")
 
 
@@ -50,18 +53,42 @@ def test_nothing_private_of_numba_is_imported():
     assert not PRIVATE.match("numba.extending.type_callable")
 
 
+def kernel_files() -> list[Path]:
+    return [source for folder in KERNELS for source in folder.glob("*.py")]
+
+
+def module_name(source: Path) -> str:
+    parts = source.relative_to(SOURCES.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
 def test_python_calls_no_kernel_that_only_kernels_may_call():
-    of_module = {source.stem: decorators(source) for source in KERNELS.glob("*.py")}
+    of_module = {module_name(source): decorators(source) for source in kernel_files()}
     called = 0
     for source in SOURCES.rglob("*.py"):
-        if source.parent == KERNELS:
+        if source.parent in KERNELS:
             continue
         for name in imported(source):
-            if name.startswith("farpoint._kernels."):
-                module, function = name.split(".")[2:4]
+            assert name not in of_module, "functions of a whole module would not be seen here"
+            module, _, function = name.rpartition(".")
+            if module in of_module:
                 called += 1
                 assert not of_module[module].get(function, set()) & INNER, (source.name, name)
     assert called > 50
+
+
+def test_kernels_import_shared_kernels_and_those_and_the_numbers_of_their_package():
+    packages = {"numpy", "numba", *sys.stdlib_module_names}
+    for source in kernel_files():
+        own = module_name(source.parent.parent)
+        allowed = ["farpoint._kernels."]
+        if source.parent != KERNELS[0]:
+            allowed += [f"{own}.kernels.", f"{own}.constants."]
+        for name in imported(source):
+            if name.startswith("farpoint"):
+                assert name.startswith(tuple(allowed)), (source, name)
+            else:
+                assert name.split(".")[0] in packages, (source, name)
 
 
 def plain_functions(source: Path) -> dict[str, ast.FunctionDef]:
@@ -75,12 +102,9 @@ def plain_functions(source: Path) -> dict[str, ast.FunctionDef]:
 def test_plain_functions_among_the_kernels_call_none_either():
     """Such as `motion.fit_motion`, which calls one kernel after another."""
     inner = {
-        name
-        for source in KERNELS.glob("*.py")
-        for name, by in decorators(source).items()
-        if by & INNER
+        name for source in kernel_files() for name, by in decorators(source).items() if by & INNER
     }
-    for source in KERNELS.glob("*.py"):
+    for source in kernel_files():
         for name, node in plain_functions(source).items():
             calls = {
                 each.func.id
@@ -94,3 +118,5 @@ def test_plain_functions_among_the_kernels_call_none_either():
 def test_kernels_for_python_let_go_of_the_interpreter():
     motion = import_module("farpoint._kernels.motion")
     assert motion._search.targetoptions["nogil"]
+    window = import_module("farpoint.path.kernels.window")
+    assert window.locate.targetoptions["nogil"]

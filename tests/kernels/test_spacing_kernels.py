@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from farpoint._kernels.spacing import cover, take_places
+from farpoint.tracks.kernels.spacing import cover, take_places
 
 REACH = 3
 

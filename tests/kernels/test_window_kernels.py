@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from farpoint._kernels.cholesky import eliminate_points, point_variances
-from farpoint._kernels.constants import UNSEEN_PX
-from farpoint._kernels.window import gather_information, locate, point_steps, robust_cost
 from farpoint.geometry import so3
+from farpoint.path.constants import UNSEEN_PX
+from farpoint.path.kernels.cholesky import eliminate_points, point_variances
+from farpoint.path.kernels.window import gather_information, locate, point_steps, robust_cost
 
 NOISE = np.array([0.5, 0.5, 1e-3, 1.3])
 DOF = 5.0

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from farpoint._kernels.constants import BOX, CYLINDER
-from farpoint._kernels.raycast import cast_rays
-from farpoint._kernels.scene_arrays import Blocks
+from farpoint.synthetic.kernels.constants import BOX, CYLINDER
+from farpoint.synthetic.kernels.raycast import cast_rays
+from farpoint.synthetic.kernels.scene_arrays import Blocks
 from farpoint.synthetic.street import build_street
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import sys
 import threading
@@ -16,36 +17,56 @@ import numba
 from farpoint._kernels.constants import COMPILE_NOTICE_S
 
 __all__ = [
+    "SHARED_KERNELS",
     "AnnouncedCompilation",
     "forget_stale",
     "inlined_kernel",
     "inner_kernel",
+    "inner_loop_kernel",
     "kernel",
+    "loop_kernel",
     "step_kernel",
     "sum_kernel",
 ]
 
 
-def forget_stale(folder: Path, *called: Path) -> None:
-    """Remove compiled code in ``folder`` that is older than a source file on which it may depend.
+# Folder of the kernels that those of any package may call.
+SHARED_KERNELS = Path(__file__).parent
 
-    These source files are in ``folder`` and in the ``called`` folders. numba checks only the file
-    of a kernel itself, not the files of the kernels that this kernel calls. After a ``git pull``,
-    old and new kernels would therefore call each other. If ``NUMBA_CACHE_DIR`` is set, the cache is
-    in a subfolder of that folder, named after the folder of the sources.
+
+def forget_stale(folder: Path, *called: Path) -> None:
+    """Remove compiled code of ``folder`` that is older than a source file on which it may depend.
+
+    These source files are in ``folder``, and in the folders or among the files ``called``. numba
+    checks only the file of a kernel itself, not the files of the kernels that this kernel calls.
+    After a ``git pull``, old and new kernels would therefore call each other.
     """
-    sources = (source for each in (folder, *called) for source in each.glob("*.py"))
+    sources = (
+        source
+        for each in (folder, *called)
+        for source in (each.glob("*.py") if each.is_dir() else [each])
+    )
     changed = max((source.stat().st_mtime for source in sources), default=0.0)
     kept_in = [folder / "__pycache__"]
     if cache := os.environ.get("NUMBA_CACHE_DIR"):
-        kept_in += Path(cache).glob(f"{folder.name}_*")
+        kept_in.append(Path(cache) / _cache_name(folder))
     for index in (index for each in kept_in for index in each.glob("*.nbi")):
         with suppress(OSError):  # another process may use it, or the folder is read-only
             if index.stat().st_mtime < changed:
                 index.unlink()
 
 
-forget_stale(Path(__file__).parent)
+def _cache_name(folder: Path) -> str:
+    """Name that numba gives to the cache of a folder of sources within ``NUMBA_CACHE_DIR``.
+
+    The hash distinguishes folders of the same name, such as the folders ``kernels`` of two
+    packages, or the same folder of two installations.
+    """
+    path = os.path.abspath(folder)  # noqa: PTH100 - as numba does: a link is not resolved
+    return f"{folder.name}_{hashlib.sha1(path.encode(), usedforsecurity=False).hexdigest()}"
+
+
+forget_stale(SHARED_KERNELS)
 
 _Decorator = Callable[[Callable[..., Any]], Any]
 # Untyped: numba's type hints lack some of its options.
@@ -66,7 +87,7 @@ kernel: _Decorator = partial(_njit, cache=True, nogil=True, **_OPTIONS)
 # Called by kernels only: cached as part of the caller.
 inner_kernel: _Decorator = partial(_njit, **_OPTIONS, **_INNER)
 
-# A named part of the one kernel that calls it, compiled inline.
+# A named part of the kernels that call it, compiled inline with their options.
 step_kernel: _Decorator = partial(_njit, inline="always", **_OPTIONS)
 
 # Body of a loop: every operation as written, inlined by LLVM.
@@ -78,6 +99,13 @@ inlined_kernel: _Decorator = partial(_njit, forceinline=True, **_OPTIONS, **_INN
 # and once more within its caller, it could add in two orders, and a process that compiles would use
 # the one where a process that loads the compiled kernel uses the other.
 sum_kernel: _Decorator = partial(_njit, forceinline=True, **_SUM_OPTIONS, **_INNER)
+
+# Called by Python: loops that may add in any order, such as those over the observations of a
+# window, and that write to arrays. Cached on disk, as `kernel`.
+loop_kernel: _Decorator = partial(_njit, cache=True, nogil=True, **_SUM_OPTIONS)
+
+# Called by a `loop_kernel` only.
+inner_loop_kernel: _Decorator = partial(_njit, **_SUM_OPTIONS, **_INNER)
 
 
 # Steps of a computation that this process has done, whose kernels are compiled.

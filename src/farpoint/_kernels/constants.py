@@ -1,8 +1,9 @@
 """Every number of the kernels that has a name: unit, meaning and origin.
 
 Origin is "derived" (from what), "convention", "measured" (by what), or "chosen" where nothing more
-is known. Packages above import from here what is the same number there. A NumPy integer is an
-argument of kernels: numba would compile them again for a literal.
+is known. Packages above import from here what is the same number there; a number of the kernels of
+one package only is in that package. A NumPy integer is an argument of kernels: numba would compile
+them again for a literal.
 """
 
 from __future__ import annotations
@@ -41,10 +42,6 @@ ROUNDING = 1e-12
 # Chosen: below any variance.
 TINY = 1e-300
 
-# Information of an unknown that no observation constrains, in place of zero, whose inverse would
-# overflow. Derived: a standard deviation of 1e12 rad or units.
-LEAST_INFORMATION = 1e-24
-
 # Variance that stands for no information: rad^2 for filler, which is consistent with any pose;
 # squared unit of an inverse distance. Chosen.
 NO_INFORMATION_VARIANCE = 1e12
@@ -65,9 +62,6 @@ MIN_PARALLAX_PRIOR = 1e-30
 # Share of the tail where the noise variance is bounded; its logarithm must exist. Chosen.
 NO_TAIL_SHARE = 1e-9
 
-# Relative ridge on the information of a window, for poses that no point constrains. Chosen.
-WINDOW_RIDGE = 1e-9
-
 # Variance, in units of the noise, with which all matches have the same weight. Chosen.
 UNIFORM_WEIGHTS_VARIANCE = 1e20
 
@@ -83,9 +77,6 @@ STUDENT_FREEDOM = 5.0
 # Parameters of a motion up to scale, matches that fix the motion, and effective matches per one
 # that dominates a given axis of the pose. Derived: rotation (3), direction (2).
 POSE_PARAMETERS = 5
-
-# Parameters of a rotation. Derived.
-ROTATION_PARAMETERS = 3
 
 # Least number of matches that are evidence of a motion, or of a part of the scene. Convention:
 # five matches fix a motion, and a consensus needs a few more.
@@ -139,14 +130,6 @@ HALF_TOLERANCE = 1e-2
 
 # Upper bound of the sweeps of Jacobi's method. Chosen: five are usual.
 JACOBI_SWEEPS = 30
-
-# Length of the last step of Newton's method for the ray of a pixel, over 1 + the length of the
-# ray's x and y. Chosen.
-LENS_TOLERANCE = 1e-10
-
-# Steps of the table of radii of a distorted plane, per unit of r / (1 + r). Chosen: Newton's method
-# then takes two steps for a lens with little distortion.
-LENS_TABLE_STEPS = 1024
 
 # --- Vector instructions and packed matches
 
@@ -456,93 +439,6 @@ PIXEL_GRIDS = np.int64(3)
 # the next pixel would be outliers, and all others would prove that the camera stands still.
 # Chosen.
 GRID_SIGMA = 0.5
-
-# --- Window of keyframes
-
-# Residual, px, of a point that is not in front of the camera. Convention: a mark.
-UNSEEN_PX = 1e9
-
-# Cost, in log likelihood, of a point behind the camera. Chosen: as a residual of many sigma.
-UNSEEN_COST = 50.0
-
-# Least cosine between a point and its prediction. Chosen.
-MIN_FACING_COSINE = 0.2
-
-# --- Tracker
-
-# Parameters of the affine match. Derived: displacement (2), warp (4), gain and offset.
-AFFINE_PARAMETERS = 8
-
-# Distance to each side, px, that a window may move before the image is read again. Chosen.
-WINDOW_SLACK_PX = np.int64(1)
-
-# Pixels of a line of a warped window that are read at once. Chosen.
-PIXELS_AT_ONCE = 16
-
-# Upper bound of the stretch of a warped window. Chosen.
-MAX_WINDOW_STRETCH = 2.0
-
-# Variance of the noise of Scharr's gradients over that of the residual, for white noise s^2
-# interpolated between pixels. Derived: 0.23 s^2 shrunk to 0.13 s^2, over 0.88 s^2 of both images.
-GRADIENT_NOISE_RATIO = 0.15
-
-# Distance, px, from which on residuals of a window count as independent (see
-# `window_covariance.covary`); `_block_moments` writes the sums out. Chosen.
-RESIDUAL_BLOCK_PX = 3
-
-# --- Synthetic scenes
-
-# Kinds of shapes. Convention: an enumeration.
-BOX, CYLINDER, ELLIPSOID = range(3)
-
-# Surfaces other than shapes; shapes are numbered from 0, rings of hills downwards from
-# FIRST_RING. Convention: an enumeration.
-GROUND, SKY, NOTHING, FIRST_RING = range(-1, -5, -1)
-
-# Number of the top face of a box; the bottom is the next face. Derived: four sides before it.
-TOP_FACE = 4
-
-# Index of the noise texture on every surface, at two scales. Convention.
-NOISE_TEXTURE = 0
-
-# Size of a texel of the fine scale, m. Chosen.
-FINE_TEXEL_M = 0.011
-
-# Size of a texel of the coarse scale, m. Chosen.
-COARSE_TEXEL_M = 0.23
-
-# Size of a texel of the clouds over their height. Chosen.
-CLOUD_TEXEL = 0.012
-
-# Amplitude of the clouds, grey levels. Chosen.
-CLOUD_GAIN = 9.0
-
-# Offset of the noise texture between faces, m. Chosen.
-FACE_SHIFT_M = 7.3
-
-# Lower bound of the cosine of the angle of incidence: footprints stay finite at silhouettes.
-# Chosen.
-MIN_INCIDENCE_COSINE = 0.02
-
-# Upper bound of the lookups along the major axis of a footprint. Chosen.
-MAX_TEXTURE_LOOKUPS = 12
-
-# Width of the texels that are read, px, at the minor axis. Derived: each level is blurred by 0.8
-# of its texels and interpolation adds 0.4; a filter of 0.6 sqrt(0.8^2 + 0.4^2) = 0.54 px.
-TEXEL_WIDTH_PX = 0.6
-
-# Offset (1, 2), px, of the one sample of a pixel beside any edge. Derived.
-PIXEL_CENTRE = np.zeros((1, 2))
-
-# Samples of a pixel at an edge. Chosen.
-EDGE_SAMPLES = 16
-
-# Half-width of the filter at an edge, px. Derived: sigma 1.25 / sqrt(6) = 0.51 px, as that of the
-# textures.
-EDGE_HALF_WIDTH_PX = 1.25
-
-# Footprint of one sample at an edge over that of the pixel. Chosen.
-EDGE_FOOTPRINT = 0.4
 
 # --- Compilation
 

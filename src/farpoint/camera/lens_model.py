@@ -9,7 +9,7 @@ from typing import Any, Self, cast
 
 import numpy as np
 
-from farpoint._kernels.lens import invert_projection
+from farpoint.camera.kernels.lens import invert_projection
 from farpoint.camera.roles import ParameterRoles
 from farpoint.camera.values import in_blocks, parameter_values
 from farpoint.errors import InputError

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from farpoint._kernels.lens import pinhole_ray_jacobian, pinhole_rays, straight_ray_jacobian
 from farpoint.camera.focal import FocalModel, PlaneDerivatives, PlaneJacobian, rays_from_plane
+from farpoint.camera.kernels.lens import pinhole_ray_jacobian, pinhole_rays, straight_ray_jacobian
 from farpoint.camera.radtan import (
     COEFFICIENT_NAMES,
     FEWEST_COEFFICIENTS,

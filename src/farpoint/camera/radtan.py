@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from farpoint._kernels.constants import LENS_TABLE_STEPS
-from farpoint._kernels.lens import distort, undistort
 from farpoint.camera.curve import first_positive_root
+from farpoint.camera.kernels.constants import LENS_TABLE_STEPS
+from farpoint.camera.kernels.lens import distort, undistort
 from farpoint.camera.plane_map import PlaneMap
 from farpoint.camera.tilt import Tilt
 from farpoint.camera.values import finite

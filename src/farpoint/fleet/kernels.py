@@ -6,10 +6,10 @@ import dataclasses
 
 import numpy as np
 
-from farpoint._kernels.discs import draw_discs
 from farpoint.camera import Camera, KannalaBrandt
 from farpoint.odometry import Odometry
 from farpoint.pose import RelativePoseOptions, estimate_relative_pose
+from farpoint.sinks.kernels.discs import draw_discs
 
 __all__ = ["compile_kernels"]
 

@@ -1,7 +1,8 @@
 """Every number of the path that has a name: unit, meaning and origin.
 
 Origin is "derived" (from what), "convention", "measured" (by what), or "chosen" where nothing more
-is known. Numbers that kernels use, too, are in `farpoint._kernels.constants`.
+is known. Numbers that kernels of the two-view estimator use, too, are in
+`farpoint._kernels.constants`.
 """
 
 from __future__ import annotations
@@ -167,3 +168,21 @@ LINEARISATION_EFFECT = 2.0
 
 # Weight of the value so far in exponential smoothing from keyframe to keyframe. Chosen.
 SMOOTHING = 0.8
+
+# --- Kernels
+
+# Information of an unknown that no observation constrains, in place of zero, whose inverse would
+# overflow. Derived: a standard deviation of 1e12 rad or units.
+LEAST_INFORMATION = 1e-24
+
+# Relative ridge on the information of a window, for poses that no point constrains. Chosen.
+WINDOW_RIDGE = 1e-9
+
+# Residual, px, of a point that is not in front of the camera. Convention: a mark.
+UNSEEN_PX = 1e9
+
+# Cost, in log likelihood, of a point behind the camera. Chosen: as a residual of many sigma.
+UNSEEN_COST = 50.0
+
+# Least cosine between a point and its prediction. Chosen.
+MIN_FACING_COSINE = 0.2

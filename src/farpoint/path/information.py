@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.cholesky import factorise, invert, solve
 from farpoint._kernels.constants import ROUNDING
+from farpoint.path.kernels.cholesky import factorise, invert, solve
 
 __all__ = ["System", "inverse", "solution"]
 

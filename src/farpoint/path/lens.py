@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from farpoint._kernels.window import by_sigmas
 from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.geometry.vectors import products
@@ -17,6 +16,7 @@ from farpoint.path.constants import (
     STALE_LENS_PX,
     UNKNOWN_READOUT_SIGMA,
 )
+from farpoint.path.kernels.window import by_sigmas
 from farpoint.path.options import LensRefinementOptions
 
 __all__ = ["LensEstimate", "LensReport", "given_lens", "with_prior"]

@@ -8,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint._kernels.constants import MIN_MATCHES, NO_INFORMATION_VARIANCE, STUDENT_FREEDOM
-from farpoint._kernels.window import locate
 from farpoint.geometry import so3
 from farpoint.geometry.vectors import cross
 from farpoint.path.constants import RESIDUAL_INFLATIONS
 from farpoint.path.history import TrackObservations
 from farpoint.path.information import inverse
+from farpoint.path.kernels.window import locate
 from farpoint.path.residuals import clear_unseen
 from farpoint.path.window import Window
 
@@ -92,7 +92,7 @@ def locate_frame(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Points:
-    """Landmarks in a frame, one row for each; see `farpoint._kernels.window.locate`.
+    """Landmarks in a frame, one row for each; see `farpoint.path.kernels.window.locate`.
 
     ``rows`` are rows of the window's landmarks. ``since`` is the last observation of each landmark
     by a keyframe.

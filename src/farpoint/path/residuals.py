@@ -14,15 +14,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.cholesky import eliminate_points
-from farpoint._kernels.window import (
+from farpoint.path.constants import PATCHES_PER_IMAGE
+from farpoint.path.information import System
+from farpoint.path.kernels.cholesky import eliminate_points
+from farpoint.path.kernels.window import (
     expected_rays,
     gather_information,
     pixel_residuals,
     robust_cost,
 )
-from farpoint.path.constants import PATCHES_PER_IMAGE
-from farpoint.path.information import System
 from farpoint.path.keyframe import Keyframe
 from farpoint.path.landmarks import Landmarks
 from farpoint.path.lens import LensEstimate

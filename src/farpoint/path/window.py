@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from farpoint._kernels.cholesky import point_variances
-from farpoint._kernels.constants import GATE_SIGMA, UNSEEN_PX
-from farpoint._kernels.window import point_steps
+from farpoint._kernels.constants import GATE_SIGMA
 from farpoint.geometry import so3
 from farpoint.geometry.vectors import cross, median, products
 from farpoint.path.constants import (
@@ -31,10 +29,13 @@ from farpoint.path.constants import (
     SCALE_GAUGE_SIGMA,
     SIGNIFICANT_PARALLAX_SIGMA,
     SMOOTHING,
+    UNSEEN_PX,
     VARIANCE_FACTOR_BOUNDS,
 )
 from farpoint.path.history import TrackObservations
 from farpoint.path.information import System, inverse, solution
+from farpoint.path.kernels.cholesky import point_variances
+from farpoint.path.kernels.window import point_steps
 from farpoint.path.keyframe import Keyframe
 from farpoint.path.landmarks import Landmarks
 from farpoint.path.lens import LensEstimate

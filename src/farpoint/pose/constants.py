@@ -145,6 +145,9 @@ ALONG_DIFFERENCE_SHARE = 0.9
 
 # --- Noise and covariance
 
+# Parameters of a rotation. Derived.
+ROTATION_PARAMETERS = 3
+
 # Misspecification factor of given covariances, and of noise with correlated residuals. Chosen: the
 # ratio of the sigmas in two directions is known to a factor of 2; a tracker's covariance lacks its
 # errors along the motion of the track (twice the variance on rendered images without translation).

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from farpoint._kernels.constants import POSE_PARAMETERS, ROTATION_PARAMETERS, ROUNDING
+from farpoint._kernels.constants import POSE_PARAMETERS, ROUNDING
+from farpoint.pose.constants import ROTATION_PARAMETERS
 from farpoint.pose.small import inverse_three
 
 __all__ = ["inverse_root", "positive", "symmetric_inverse"]

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from farpoint._kernels.raycast import cast_rays
-from farpoint._kernels.render import render
 from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.frames import Frame
 from farpoint.synthetic.imaging import ImagingOptions
+from farpoint.synthetic.kernels.raycast import cast_rays
+from farpoint.synthetic.kernels.render import render
 from farpoint.synthetic.motion import SmoothMotion
 from farpoint.synthetic.paths import street_drive
 from farpoint.synthetic.street import build_street

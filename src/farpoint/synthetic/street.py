@@ -14,8 +14,8 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial import KDTree
 
-from farpoint._kernels.scene_arrays import Blocks, Finish, Hills, Scene
 from farpoint.synthetic import textures
+from farpoint.synthetic.kernels.scene_arrays import Blocks, Finish, Hills, Scene
 from farpoint.synthetic.things import (
     FACADES,
     Shapes,

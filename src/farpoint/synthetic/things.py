@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from farpoint._kernels.constants import BOX, CYLINDER, ELLIPSOID
+from farpoint.synthetic.kernels.constants import BOX, CYLINDER, ELLIPSOID
 
 __all__ = ["FACADES", "Shapes", "build_house", "lay_garden", "line_street", "plant_tree"]
 

@@ -120,3 +120,25 @@ ROW_GAIN_ROUNDS = 2
 
 # Number of images over which row gains are averaged, at most. Chosen.
 MAX_AVERAGED_IMAGES = 20
+
+# --- Kernels
+
+# Parameters of the affine match. Derived: displacement (2), warp (4), gain and offset.
+AFFINE_PARAMETERS = 8
+
+# Distance to each side, px, that a window may move before the image is read again. Chosen.
+WINDOW_SLACK_PX = np.int64(1)
+
+# Pixels of a line of a warped window that are read at once. Chosen.
+PIXELS_AT_ONCE = 16
+
+# Upper bound of the stretch of a warped window. Chosen.
+MAX_WINDOW_STRETCH = 2.0
+
+# Variance of the noise of Scharr's gradients over that of the residual, for white noise s^2
+# interpolated between pixels. Derived: 0.23 s^2 shrunk to 0.13 s^2, over 0.88 s^2 of both images.
+GRADIENT_NOISE_RATIO = 0.15
+
+# Distance, px, from which on residuals of a window count as independent (see
+# `window_covariance.covary`); `_block_moments` writes the sums out. Chosen.
+RESIDUAL_BLOCK_PX = 3

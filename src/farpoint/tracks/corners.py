@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from farpoint._kernels.corners import corner_strength, strongest_places
-from farpoint._kernels.spacing import cover, take_places
+from farpoint.tracks.kernels.corners import corner_strength, strongest_places
+from farpoint.tracks.kernels.spacing import cover, take_places
 from farpoint.tracks.options import CornerOptions
 
 __all__ = ["find_corners", "thin_out"]

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import KDTree
 
-from farpoint._kernels.spacing import cover
 from farpoint.errors import optional_import
 from farpoint.tracks.constants import (
     DEFECT_REACH_PX,
@@ -23,6 +22,7 @@ from farpoint.tracks.constants import (
     MOTION_NEIGHBOURS,
     SUSPECT_PULL_PX,
 )
+from farpoint.tracks.kernels.spacing import cover
 from farpoint.tracks.tracks import Tracks
 
 __all__ = ["DefectivePixels"]

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from farpoint._kernels.lucas_kanade import Levels, blank_workspace, follow_windows
-from farpoint._kernels.windows import Termination
 from farpoint.tracks.constants import (
     MIN_FOUND_SHARE,
     MIN_PROBES,
@@ -13,6 +11,8 @@ from farpoint.tracks.constants import (
     PROBES,
     REACH_MARGIN,
 )
+from farpoint.tracks.kernels.lucas_kanade import Levels, blank_workspace, follow_windows
+from farpoint.tracks.kernels.windows import Termination
 from farpoint.tracks.options import LucasKanadeOptions
 from farpoint.tracks.pyramid import Pyramid
 

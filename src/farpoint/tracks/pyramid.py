@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from farpoint._kernels.lucas_kanade import border_px
-from farpoint._kernels.windows import Image
 from farpoint.errors import optional_import
+from farpoint.tracks.kernels.lucas_kanade import border_px
+from farpoint.tracks.kernels.windows import Image
 from farpoint.tracks.options import LucasKanadeOptions
 
 __all__ = ["Pyramid", "build_pyramid"]

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from farpoint._kernels.affine_match import Matched, ParameterPrior, blank_workspace, match_windows
-from farpoint._kernels.windows import Termination
 from farpoint.tracks.constants import INTERPOLATION_SIGMA_PX
+from farpoint.tracks.kernels.affine_match import (
+    Matched,
+    ParameterPrior,
+    blank_workspace,
+    match_windows,
+)
+from farpoint.tracks.kernels.windows import Termination
 from farpoint.tracks.options import RefinementOptions
 from farpoint.tracks.pyramid import Pyramid
 from farpoint.tracks.tracks import Windows

@@ -7,8 +7,8 @@ from types import ModuleType
 
 import numpy as np
 
-from farpoint._kernels.discs import draw_discs
 from farpoint.errors import optional_import
+from farpoint.sinks.kernels.discs import draw_discs
 from farpoint.sinks.overlay.palette import BACKGROUND, Colour, Palette
 
 __all__ = ["Canvas", "draw_text", "text_width"]

@@ -1,27 +1,22 @@
 """Positive definite matrices of some tens of rows: Cholesky factor, solution, inverse, elimination.
 
 BLAS is not used, because for matrices of this size the threads of BLAS wait for each other longer
-than a product takes. The functions are compiled with plain `numba.njit`. They take arrays and write
-into arrays of the caller.
+than a product takes. The functions take arrays and write into arrays of the caller.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-from numba import njit
 
-from farpoint._kernels.constants import LEAST_INFORMATION
+from farpoint._kernels.compile import loop_kernel
+from farpoint.path.constants import LEAST_INFORMATION
 
 __all__ = ["eliminate_points", "factorise", "invert", "point_variances", "solve"]
 
 
-_loop: Any = njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-
-
-@_loop
+@loop_kernel
 def factorise(H, damping, unit, L):
     """Lower factor L (D, D) of ``H``, scaled by ``unit`` (D,) to the diagonal ``1 + damping``.
 
@@ -49,7 +44,7 @@ def factorise(H, damping, unit, L):
     return True
 
 
-@_loop
+@loop_kernel
 def solve(L, unit, g, x):
     """Solve ``H x = g`` with the factor of H."""
     n = len(g)
@@ -66,7 +61,7 @@ def solve(L, unit, g, x):
         x[i] *= unit[i]
 
 
-@_loop
+@loop_kernel
 def invert(L, unit, columns, out):
     """Inverse of H (D, D) from the factor of H; ``columns`` (D, D) is a buffer."""
     n = len(L)
@@ -86,7 +81,7 @@ def invert(L, unit, columns, out):
             out[i, j] = out[j, i] = total * unit[i] * unit[j]
 
 
-@_loop
+@loop_kernel
 def eliminate_points(coupling, point_h, point_g, damping, H, g):
     """Schur complement: eliminate the inverse depths of points from H (D, D) and g (D,).
 
@@ -114,7 +109,7 @@ def eliminate_points(coupling, point_h, point_g, damping, H, g):
             H[k, i] = H[i, k]
 
 
-@_loop
+@loop_kernel
 def point_variances(rows, coupling, point_h, covariance, variances):
     """Variances (R,) of the inverse depths of the points in ``rows``.
 

@@ -17,8 +17,9 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel, step_kernel, sum_kernel
-from farpoint._kernels.constants import VECTOR_LANES, WINDOW_SLACK_PX
-from farpoint._kernels.windows import (
+from farpoint._kernels.constants import VECTOR_LANES
+from farpoint.tracks.constants import WINDOW_SLACK_PX
+from farpoint.tracks.kernels.windows import (
     Image,
     Termination,
     Weights,

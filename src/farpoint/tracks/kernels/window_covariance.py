@@ -7,15 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.affine_jacobian import Template, jacobian_times
 from farpoint._kernels.compile import inner_kernel, step_kernel, sum_kernel
-from farpoint._kernels.constants import (
-    AFFINE_PARAMETERS,
-    GRADIENT_NOISE_RATIO,
-    RESIDUAL_BLOCK_PX,
-    VECTOR_LANES,
-)
-from farpoint._kernels.windows import line_px
+from farpoint._kernels.constants import VECTOR_LANES
+from farpoint.tracks.constants import AFFINE_PARAMETERS, GRADIENT_NOISE_RATIO, RESIDUAL_BLOCK_PX
+from farpoint.tracks.kernels.affine_jacobian import Template, jacobian_times
+from farpoint.tracks.kernels.windows import line_px
 
 __all__ = ["Influence", "blank_influence", "covary", "find_influence", "quadratic_bias", "solve"]
 

@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, step_kernel
-from farpoint._kernels.constants import (
+from farpoint._kernels.vectors import Vector
+from farpoint.synthetic.kernels.constants import (
     BOX,
     CLOUD_GAIN,
     CLOUD_TEXEL,
@@ -27,10 +28,9 @@ from farpoint._kernels.constants import (
     SKY,
     TOP_FACE,
 )
-from farpoint._kernels.raycast import Hit, Ray
-from farpoint._kernels.scene_arrays import Blocks, Finish, Hills
-from farpoint._kernels.texture import Footprint, filtered, footprint_of, scaled
-from farpoint._kernels.vectors import Vector
+from farpoint.synthetic.kernels.raycast import Hit, Ray
+from farpoint.synthetic.kernels.scene_arrays import Blocks, Finish, Hills
+from farpoint.synthetic.kernels.texture import Footprint, filtered, footprint_of, scaled
 
 __all__ = ["RayDifferential", "ray_grey"]
 

@@ -1,7 +1,8 @@
 """Images of a scene: one ray per pixel, or sixteen rays if the pixel or a neighbour shows an edge.
 
-Textures are filtered over the footprint of the pixel (`farpoint._kernels.texture`). Silhouettes are
-supersampled. A motion by a fraction of a pixel therefore changes the image as in a real camera.
+Textures are filtered over the footprint of the pixel (`farpoint.synthetic.kernels.texture`).
+Silhouettes are supersampled. A motion by a fraction of a pixel therefore changes the image as in a
+real camera.
 """
 
 from __future__ import annotations
@@ -11,17 +12,17 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, kernel, step_kernel
-from farpoint._kernels.constants import (
+from farpoint._kernels.vectors import Vector
+from farpoint.synthetic.kernels.constants import (
     EDGE_FOOTPRINT,
     EDGE_HALF_WIDTH_PX,
     EDGE_SAMPLES,
     NOTHING,
     PIXEL_CENTRE,
 )
-from farpoint._kernels.raycast import Hit, Ray, trace
-from farpoint._kernels.scene_arrays import Scene
-from farpoint._kernels.surfaces import RayDifferential, ray_grey
-from farpoint._kernels.vectors import Vector
+from farpoint.synthetic.kernels.raycast import Hit, Ray, trace
+from farpoint.synthetic.kernels.scene_arrays import Scene
+from farpoint.synthetic.kernels.surfaces import RayDifferential, ray_grey
 
 __all__ = ["render"]
 

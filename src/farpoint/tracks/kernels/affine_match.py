@@ -17,7 +17,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.affine_jacobian import (
+from farpoint._kernels.arrays import copy
+from farpoint._kernels.compile import kernel, step_kernel
+from farpoint.tracks.constants import AFFINE_PARAMETERS
+from farpoint.tracks.kernels.affine_jacobian import (
     Nine,
     Template,
     blank_template,
@@ -26,11 +29,8 @@ from farpoint._kernels.affine_jacobian import (
     linearise,
     normal_matrix,
 )
-from farpoint._kernels.arrays import copy
-from farpoint._kernels.compile import kernel, step_kernel
-from farpoint._kernels.constants import AFFINE_PARAMETERS
-from farpoint._kernels.warped_window import Around, blank_around, residual_of
-from farpoint._kernels.window_covariance import (
+from farpoint.tracks.kernels.warped_window import Around, blank_around, residual_of
+from farpoint.tracks.kernels.window_covariance import (
     Influence,
     blank_influence,
     covary,
@@ -38,7 +38,7 @@ from farpoint._kernels.window_covariance import (
     quadratic_bias,
     solve,
 )
-from farpoint._kernels.windows import (
+from farpoint.tracks.kernels.windows import (
     Image,
     Termination,
     blank_values,

@@ -8,25 +8,18 @@ by the anchor's pose is minus the derivative by the observer's pose. Rolling shu
 rotates by ``w`` and moves by ``v`` per second observes the point at ``X - t (w x (X - s p) + s v)``
 in a row that is read the time t after the middle row.
 
-The functions are compiled with plain `numba.njit`. They take arrays and write into arrays of the
-caller.
+The functions take arrays and write into arrays of the caller.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-from numba import njit
 
-from farpoint._kernels.constants import (
-    MIN_FACING_COSINE,
-    STUDENT_FREEDOM,
-    UNSEEN_COST,
-    UNSEEN_PX,
-    WINDOW_RIDGE,
-)
+from farpoint._kernels.compile import inner_loop_kernel, loop_kernel, step_kernel
+from farpoint._kernels.constants import STUDENT_FREEDOM
+from farpoint.path.constants import MIN_FACING_COSINE, UNSEEN_COST, UNSEEN_PX, WINDOW_RIDGE
 
 __all__ = [
     "by_sigmas",
@@ -39,11 +32,7 @@ __all__ = [
 ]
 
 
-_loop: Any = njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-_inline: Any = njit(error_model="numpy", fastmath={"reassoc", "contract", "nsz"}, inline="always")
-
-
-@_inline
+@step_kernel
 def _rotated(R, x, y, z):
     """``R @ [x, y, z]``."""
     return (
@@ -53,7 +42,7 @@ def _rotated(R, x, y, z):
     )
 
 
-@_inline
+@step_kernel
 def _rotated_back(R, x, y, z):
     """``R.T @ [x, y, z]``."""
     return (
@@ -63,19 +52,19 @@ def _rotated_back(R, x, y, z):
     )
 
 
-@_inline
+@step_kernel
 def _cross(ax, ay, az, bx, by, bz):
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
-@_inline
+@step_kernel
 def _lag(twist, x, y, z, s):
     """``w x d + s v``: change per second of a homogeneous point at ``d`` from the camera."""
     cx, cy, cz = _cross(twist[0], twist[1], twist[2], x, y, z)
     return cx + s * twist[3], cy + s * twist[4], cz + s * twist[5]
 
 
-@_inline
+@step_kernel
 def _whitened(noise, last, travelled, before, u, v):
     """Inverse covariance (uu, uv, vv) of the change of a residual, and squared norm of the change.
 
@@ -90,7 +79,7 @@ def _whitened(noise, last, travelled, before, u, v):
     return uu, uv, vv, uu * u * u + 2.0 * uv * u * v + vv * v * v
 
 
-@_loop
+@loop_kernel
 def by_sigmas(by_parameters, factor, out):
     """Product ``by_parameters @ factor`` (N, 2, r), computed without the threads of BLAS.
 
@@ -105,7 +94,7 @@ def by_sigmas(by_parameters, factor, out):
                 out[n, q, i] = total
 
 
-@_loop
+@loop_kernel
 def expected_rays(
     R, p, twist, readout, lens, frame, point, row_phase, rays, ray_by_lens, anchor, s, out
 ):
@@ -132,7 +121,7 @@ def expected_rays(
         out[o, 0], out[o, 1], out[o, 2] = cx * scale, cy * scale, cz * scale
 
 
-@_loop
+@loop_kernel
 def pixel_residuals(
     R, p, twist, readout, lens,
     frame, point, row_phase, rays, ray_by_lens,
@@ -229,7 +218,7 @@ def pixel_residuals(
             residuals[o, q] = pixel
 
 
-@_loop
+@loop_kernel
 def gather_information(
     frame, point, last, travelled, anchor, used, noise,
     residuals, by_pose, by_common, by_s,
@@ -342,7 +331,7 @@ def gather_information(
     return squares, influence, count
 
 
-@_loop
+@loop_kernel
 def robust_cost(point, last, travelled, anchor, used, noise, residuals, before):
     """Negative log likelihood of `gather_information`'s residuals, up to a constant."""
     before[:] = -1
@@ -367,7 +356,7 @@ def robust_cost(point, last, travelled, anchor, used, noise, residuals, before):
     return cost
 
 
-@_loop
+@loop_kernel
 def point_steps(coupling, point_h, point_g, step, damping, steps):
     """Changes (M,) of the inverse depths for a step (D,) of the other unknowns."""
     for j in range(len(steps)):
@@ -377,7 +366,7 @@ def point_steps(coupling, point_h, point_g, step, damping, steps):
         steps[j] = -total / (point_h[j] + damping)
 
 
-@_loop
+@inner_loop_kernel
 def _velocity(R, R0, p, p0, rate, twist):
     """Rotation vector and displacement from one pose to another, times a rate."""
     D = R @ R0.T
@@ -389,7 +378,7 @@ def _velocity(R, R0, p, p0, rate, twist):
         twist[3 + i] = rate * (p[i] - p0[i])
 
 
-@_loop
+@inner_loop_kernel
 def _rotate(R, x, y, z):
     """``R = Exp([x, y, z]) R``."""
     angle = math.sqrt(x * x + y * y + z * z)
@@ -402,7 +391,7 @@ def _rotate(R, x, y, z):
         R[0, i], R[1, i], R[2, i] = rx + a * cx + b * dx, ry + a * cy + b * dy, rz + a * cz + b * dz
 
 
-@_loop
+@inner_loop_kernel
 def _solved(H, g, x):
     """Solve ``H x = g`` by Cholesky; False if H is not positive definite."""
     n = len(g)
@@ -431,7 +420,7 @@ def _solved(H, g, x):
     return np.isfinite(x).all()
 
 
-@_loop
+@loop_kernel
 def locate(
     R, p, R0, p0, seconds, readout, offsets, row_phase, expected, by_ray, covariances, inflations,
     X, s, s_variance, base, before_by_s, H, squares,

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, step_kernel, sum_kernel
-from farpoint._kernels.constants import AFFINE_PARAMETERS
-from farpoint._kernels.windows import Window, blank_values, blank_window, line_px
+from farpoint.tracks.constants import AFFINE_PARAMETERS
+from farpoint.tracks.kernels.windows import Window, blank_values, blank_window, line_px
 
 __all__ = [
     "Template",

@@ -13,9 +13,17 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, kernel, step_kernel
-from farpoint._kernels.constants import BOX, ELLIPSOID, FIRST_RING, GROUND, NOTHING, SKY, TOP_FACE
-from farpoint._kernels.scene_arrays import Blocks, Hills
 from farpoint._kernels.vectors import Vector
+from farpoint.synthetic.kernels.constants import (
+    BOX,
+    ELLIPSOID,
+    FIRST_RING,
+    GROUND,
+    NOTHING,
+    SKY,
+    TOP_FACE,
+)
+from farpoint.synthetic.kernels.scene_arrays import Blocks, Hills
 
 __all__ = ["Hit", "Ray", "cast_rays", "trace"]
 

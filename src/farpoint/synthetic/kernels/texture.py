@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel
-from farpoint._kernels.constants import MAX_TEXTURE_LOOKUPS, TEXEL_WIDTH_PX
-from farpoint._kernels.scene_arrays import Finish
+from farpoint.synthetic.kernels.constants import MAX_TEXTURE_LOOKUPS, TEXEL_WIDTH_PX
+from farpoint.synthetic.kernels.scene_arrays import Finish
 
 __all__ = ["Footprint", "filtered", "footprint_of", "scaled"]
 

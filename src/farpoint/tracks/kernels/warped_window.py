@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.affine_jacobian import Template
 from farpoint._kernels.compile import inlined_kernel, step_kernel
-from farpoint._kernels.constants import MAX_WINDOW_STRETCH, PIXELS_AT_ONCE
 from farpoint._kernels.scalars import fma
-from farpoint._kernels.windows import Image, blank_values, line_px, read, room_px
+from farpoint.tracks.constants import MAX_WINDOW_STRETCH, PIXELS_AT_ONCE
+from farpoint.tracks.kernels.affine_jacobian import Template
+from farpoint.tracks.kernels.windows import Image, blank_values, line_px, read, room_px
 
 __all__ = ["Around", "blank_around", "residual_of"]
 

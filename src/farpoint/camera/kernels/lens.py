@@ -11,9 +11,10 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, kernel, step_kernel
-from farpoint._kernels.constants import LENS_TABLE_STEPS, LENS_TOLERANCE, MAX_ITERATIONS
+from farpoint._kernels.constants import MAX_ITERATIONS
 from farpoint._kernels.scalars import where
 from farpoint._kernels.vectors import Vector
+from farpoint.camera.kernels.constants import LENS_TABLE_STEPS, LENS_TOLERANCE
 
 __all__ = [
     "distort",

@@ -1,0 +1,15 @@
+"""Every number of the kernels of lens models that has a name: unit, meaning and origin.
+
+Origin is "derived" (from what), "convention", "measured" (by what), or "chosen" where nothing more
+is known.
+"""
+
+from __future__ import annotations
+
+# Length of the last step of Newton's method for the ray of a pixel, over 1 + the length of the
+# ray's x and y. Chosen.
+LENS_TOLERANCE = 1e-10
+
+# Steps of the table of radii of a distorted plane, per unit of r / (1 + r). Chosen: Newton's method
+# then takes two steps for a lens with little distortion.
+LENS_TABLE_STEPS = 1024
