@@ -35,13 +35,13 @@ def compile_kernels() -> None:
 
     for camera in _CAMERAS:
         odometry = Odometry(camera)
-        for frame in render_drive(camera, frames=_FRAMES, seed=0):
-            result = odometry.process(frame.image, frame.timestamp)
-        odometry.split_half(result)
+        for result in odometry.run(render_drive(camera, frames=_FRAMES, seed=0)):
+            if result.pose is not None:
+                odometry.split_half(result)
     lens = KannalaBrandt(fx=200.0, fy=200.0, cx=159.5, cy=119.5)
     fisheye = Camera(model=lens, size=_LENS[:2])
     usual = PointSceneOptions(camera=_CAMERAS[0])
-    turning = dataclasses.replace(
+    rotation = dataclasses.replace(
         usual, translation_m=(0.0, 0.0, 0.0), rotation_vector_rad=(0.02, 0.0, 0.0)
     )
     # A general motion, and one with little parallax, with large noise, with two modes, and none.
@@ -58,7 +58,7 @@ def compile_kernels() -> None:
             translation_m=(0.1, 0.0, 0.0),
             noise_px=0.5,
         ),
-        turning,
+        rotation,
     ):
         for seed in range(_SEEDS):
             scene = make_point_scene(options, seed=seed)
