@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import os
-import signal
 from pathlib import Path
 
 import pytest
@@ -15,7 +14,6 @@ from farpoint.cli.lens import LensOptions
 from farpoint.errors import InputError
 from farpoint.fleet import ListedDrive, list_drives
 from farpoint.fleet.folder import clear_unfinished, facts_of, finish_folder, is_finished
-from farpoint.fleet.interrupts import lasting_interrupts
 from farpoint.fleet.page import outliers_first, write_page
 from farpoint.fleet.table import Row, write_tables
 from farpoint.fleet.work import Work, do_drive
@@ -202,24 +200,3 @@ def test_workers_or_a_scheduler(farpoint: CommandLine, tmp_path: Path):
     assert_refused(outcome, "workers", "expected 1 or more")
     outcome = farpoint("fleet", tmp_path, "--workers", "1", "--scheduler", "tcp://127.0.0.1:1")
     assert_refused(outcome, "--workers or --scheduler")
-
-
-@pytest.mark.skipif(os.name == "nt", reason="signals")
-def test_an_interruption_in_a_destructor_is_not_lost(capfd: pytest.CaptureFixture[str]):
-    class Ended:
-        def __del__(self) -> None:
-            signal.raise_signal(signal.SIGINT)
-
-    # Whoever starts the tests in the background of a shell has the signal ignored.
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        with lasting_interrupts() as look:
-            look()
-            ended = Ended()
-            del ended  # Python goes on
-            with pytest.raises(KeyboardInterrupt):
-                look()
-        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    finally:
-        signal.signal(signal.SIGINT, before)
-    assert capfd.readouterr().err == ""

@@ -20,10 +20,10 @@ from farpoint.cli.evaluate import Evaluate
 from farpoint.cli.fleet import Fleet
 from farpoint.cli.live import Live
 from farpoint.cli.run import Run
-from farpoint.cli.signals import interruptible
 from farpoint.cli.streams import lasting_streams
 from farpoint.cli.wrong_usage import in_one_line
 from farpoint.errors import InputError, MissingExtraError, printable
+from farpoint.interrupts import interruptible
 
 __all__ = ["COMMANDS", "main", "parse"]
 

@@ -11,10 +11,10 @@ from typing import Any, Protocol
 from farpoint.fleet.cluster import Cluster, ClusterOptions, open_cluster
 from farpoint.fleet.drive import Drive
 from farpoint.fleet.folder import DRIVES, clear_unfinished, facts_of, is_finished
-from farpoint.fleet.interrupts import lasting_interrupts
 from farpoint.fleet.page import write_page
 from farpoint.fleet.table import Row, row_of, write_tables
 from farpoint.fleet.work import Work, do_drive, one_line
+from farpoint.interrupts import interruptible
 from farpoint.sinks import FolderLock
 
 __all__ = ["FleetOutcome", "Reporter", "run_fleet"]
@@ -75,7 +75,7 @@ def run_fleet(
         answers.
     """
     out = out.absolute()
-    with FolderLock(out), lasting_interrupts() as look:
+    with FolderLock(out), interruptible():
         clear_unfinished(out / DRIVES)
         every = [Work(drive=d, folder=out / DRIVES / d.name, key=d.key()) for d in drives]
         waiting = [work for work in every if not is_finished(work.folder, work.key)]
@@ -83,7 +83,7 @@ def run_fleet(
         try:
             if waiting:
                 with open_cluster(cluster) as opened, reporting(len(waiting)) as reporter:
-                    _run(opened, waiting, errors, reporter, look)
+                    _run(opened, waiting, errors, reporter)
         finally:
             clear_unfinished(out / DRIVES)  # of workers that were killed
             rows = [_row(work, errors) for work in every]
@@ -98,7 +98,6 @@ def _run(
     waiting: Sequence[Work],
     errors: dict[str, str],
     reporter: Reporter,
-    look: Callable[[], None],
 ) -> None:
     from distributed import KilledWorker, as_completed
 
@@ -110,7 +109,6 @@ def _run(
     count = 0
     while not finished.is_empty():
         time.sleep(_LOOK_S)
-        look()
         cluster.look_after()
         for future in finished.next_batch(block=False):
             name = by_key[future.key].drive.name

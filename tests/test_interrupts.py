@@ -1,4 +1,4 @@
-"""Signals that end a command in order."""
+"""Signals that end a computation in order."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 COMPILE = """
 import os, sys, threading, time
 import numba
-from farpoint.cli.signals import interruptible
+from farpoint.interrupts import interruptible
 
 @numba.njit
 def inverse(a):
@@ -59,7 +59,7 @@ def test_a_signal_during_a_compilation_waits_for_its_end(number: signal.Signals)
 
 DESTROY = """
 import os, signal, time
-from farpoint.cli.signals import interruptible
+from farpoint.interrupts import interruptible
 
 class Slow:
     def __del__(self):
@@ -89,3 +89,32 @@ def test_a_signal_that_is_lost_in_a_destructor_is_sent_once_more():
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, "interrupted\n", "")
+
+
+AT_THE_END = """
+import os, signal, threading
+from farpoint import interrupts
+
+interrupts._AGAIN_S = 1.0
+interrupts._COMPILERS = ("__main__",)
+try:
+    with interrupts.interruptible():
+        os.kill(os.getpid(), signal.SIGINT)
+        interrupts._COMPILERS = ()
+        print("finished", flush=True)
+except KeyboardInterrupt:
+    print("interrupted", flush=True)
+print("goes on", flush=True)
+"""
+
+
+def test_a_signal_that_waits_at_the_end_interrupts_in_order():
+    done = subprocess.run(
+        [sys.executable, "-c", AT_THE_END],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    expected = "finished\ninterrupted\ngoes on\n"
+    assert (done.returncode, done.stdout, done.stderr) == (0, expected, "")

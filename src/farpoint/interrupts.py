@@ -1,4 +1,4 @@
-"""Signals that end a command properly: every output is completed first."""
+"""Signals that end a computation properly: every output is completed first."""
 
 from __future__ import annotations
 
@@ -21,39 +21,64 @@ _AGAIN_S = 0.05  # s; time until a signal that came during a compilation is hand
 def interruptible() -> Iterator[None]:
     """Raise KeyboardInterrupt on Ctrl-C, on SIGTERM, and on SIGHUP of a terminal that closes.
 
-    A signal that the caller of the command ignores (``nohup``) stays ignored. A signal during the
-    compilation of a kernel waits for the end of the compilation, because an exception during
-    compilation can crash the process. Python ignores an exception in a destructor or a callback:
-    the signal is then sent once more.
+    A signal that the caller ignores (``nohup``) stays ignored. A signal during the compilation of a
+    kernel waits for the end of the compilation, because an exception during compilation can crash
+    the process. Python ignores an exception in a destructor or a callback: the signal is then sent
+    once more. Outside of the main thread the context has no effect.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before, unraisable = {}, sys.unraisablehook
+    before, unraisable, again = {}, sys.unraisablehook, _SendAgain()
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        if not _is_compiling(frame):
+            raise KeyboardInterrupt
+        again.send_later(number)
 
     def send_again(lost: Any) -> None:
         if before and issubclass(lost.exc_type, KeyboardInterrupt):
-            _send_later(next(iter(before)))
+            again.send_later(next(iter(before)))
         else:
             unraisable(lost)
 
     for name in _SIGNALS:
         number = getattr(signal, name, None)  # Windows has no SIGHUP
         if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
-            before[number] = signal.signal(number, _interrupt)
+            before[number] = signal.signal(number, interrupt)
     sys.unraisablehook = send_again
     try:
         yield
+        again.finish()
     finally:
         sys.unraisablehook = unraisable
         for number, handler in before.items():
             signal.signal(number, handler)
+        again.drop()
 
 
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    if not _is_compiling(frame):
-        raise KeyboardInterrupt
-    _send_later(number)
+class _SendAgain:
+    """A signal that is sent to the main thread a moment later."""
+
+    def __init__(self) -> None:
+        self._timer: threading.Timer | None = None
+
+    def send_later(self, number: int) -> None:
+        """Send the signal a moment later."""
+        self.drop()
+        self._timer = threading.Timer(_AGAIN_S, _send_to_main_thread, (number,))
+        self._timer.daemon = True
+        self._timer.start()
+
+    def finish(self) -> None:
+        """Wait until a signal that is on its way has been sent."""
+        if self._timer is not None:
+            self._timer.join()
+
+    def drop(self) -> None:
+        """Forget a signal that is on its way."""
+        if self._timer is not None:
+            self._timer.cancel()
 
 
 def _is_compiling(frame: FrameType | None) -> bool:
@@ -63,12 +88,6 @@ def _is_compiling(frame: FrameType | None) -> bool:
             return True
         frame = frame.f_back
     return False
-
-
-def _send_later(number: int) -> None:
-    timer = threading.Timer(_AGAIN_S, _send_to_main_thread, (number,))
-    timer.daemon = True
-    timer.start()
 
 
 def _send_to_main_thread(number: int) -> None:
