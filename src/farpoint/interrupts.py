@@ -51,10 +51,10 @@ def interruptible() -> Iterator[None]:
         yield
         again.finish()
     finally:
+        again.drop()
         sys.unraisablehook = unraisable
         for number, handler in before.items():
             signal.signal(number, handler)
-        again.drop()
 
 
 class _SendAgain:
