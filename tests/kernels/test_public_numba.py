@@ -18,7 +18,7 @@ SOURCES = Path(farpoint.__file__).parent
 # package each.
 KERNELS = [SOURCES / "_kernels", *sorted(SOURCES.glob("*/kernels"))]
 # Called by kernels only: these have no wrapper for Python.
-INNER = {"inner_kernel", "inlined_kernel", "sum_kernel", "inner_loop_kernel"}
+INNER = {"inner_kernel", "inlined_kernel", "sum_kernel"}
 PRIVATE = re.compile(r"^(numba\.(core|_\w+|np|cpython|misc|typed|stencils)\b|llvmlite\b)")
 
 

@@ -22,7 +22,6 @@ __all__ = [
     "forget_stale",
     "inlined_kernel",
     "inner_kernel",
-    "inner_loop_kernel",
     "kernel",
     "loop_kernel",
     "step_kernel",
@@ -103,9 +102,6 @@ sum_kernel: _Decorator = partial(_njit, forceinline=True, **_SUM_OPTIONS, **_INN
 # Called by Python: loops that may add in any order, such as those over the observations of a
 # window, and that write to arrays. Cached on disk, as `kernel`.
 loop_kernel: _Decorator = partial(_njit, cache=True, nogil=True, **_SUM_OPTIONS)
-
-# Called by a `loop_kernel` only.
-inner_loop_kernel: _Decorator = partial(_njit, **_SUM_OPTIONS, **_INNER)
 
 
 # Steps of a computation that this process has done, whose kernels are compiled.

@@ -17,7 +17,7 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_loop_kernel, loop_kernel, step_kernel
+from farpoint._kernels.compile import inner_kernel, loop_kernel, step_kernel
 from farpoint._kernels.constants import STUDENT_FREEDOM
 from farpoint.path.constants import MIN_FACING_COSINE, UNSEEN_COST, UNSEEN_PX, WINDOW_RIDGE
 
@@ -366,7 +366,7 @@ def point_steps(coupling, point_h, point_g, step, damping, steps):
         steps[j] = -total / (point_h[j] + damping)
 
 
-@inner_loop_kernel
+@inner_kernel
 def _velocity(R, R0, p, p0, rate, twist):
     """Rotation vector and displacement from one pose to another, times a rate."""
     D = R @ R0.T
@@ -378,7 +378,7 @@ def _velocity(R, R0, p, p0, rate, twist):
         twist[3 + i] = rate * (p[i] - p0[i])
 
 
-@inner_loop_kernel
+@inner_kernel
 def _rotate(R, x, y, z):
     """``R = Exp([x, y, z]) R``."""
     angle = math.sqrt(x * x + y * y + z * z)
@@ -391,7 +391,7 @@ def _rotate(R, x, y, z):
         R[0, i], R[1, i], R[2, i] = rx + a * cx + b * dx, ry + a * cy + b * dy, rz + a * cz + b * dz
 
 
-@inner_loop_kernel
+@inner_kernel
 def _solved(H, g, x):
     """Solve ``H x = g`` by Cholesky; False if H is not positive definite."""
     n = len(g)
