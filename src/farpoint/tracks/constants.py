@@ -142,3 +142,7 @@ GRADIENT_NOISE_RATIO = 0.15
 # Distance, px, from which on residuals of a window count as independent (see
 # `window_covariance.covary`); `_block_moments` writes the sums out. Chosen.
 RESIDUAL_BLOCK_PX = 3
+
+# Lower bound of the median response along any direction. Chosen: the least in eight recordings is
+# 0.43, in turns of a Kinect.
+MIN_RESPONSE = 0.25

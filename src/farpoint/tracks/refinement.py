@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from farpoint.tracks.constants import INTERPOLATION_SIGMA_PX
+from farpoint.tracks.constants import INTERPOLATION_SIGMA_PX, MIN_RESPONSE
 from farpoint.tracks.kernels.affine_match import (
     Matched,
     ParameterPrior,
@@ -41,7 +41,9 @@ def refine(
     The covariance is the sandwich estimate ``H^-1 M H^-1``. H is the normal matrix of the window's
     gradients and of the priors. M is the second moment of gradient times residual. The products are
     summed over blocks of pixels first, because residuals of neighbouring pixels are correlated. The
-    variances of the priors and of the interpolation are added.
+    variances of the priors and of the interpolation are added. If the second image is blurred more
+    or less than the first, its gradients differ from those in H: the response of the matches to a
+    displacement is measured, and its inverse multiplies the covariance from both sides.
 
     Parameters
     ----------
@@ -74,6 +76,7 @@ def refine(
     shapes = np.broadcast_to(np.eye(2), (count, 2, 2)) if warps is None else warps
     windows = Windows(warps=np.array(shapes, order="C"), quadratic_bias=np.empty((count, 2, 2, 3)))
     covariance_px2, correlation = np.empty((count, 2, 2)), np.empty(count)
+    responses = np.empty((count, 2, 2))
     match_windows(
         image0.level(0),
         image1.level(0),
@@ -81,10 +84,13 @@ def refine(
         ParameterPrior(_precision(options), options.noise_floor**2),
         Termination(options.max_iterations, options.tolerance_px),
         blank_workspace(options.window_px // 2),
-        Matched(matched, windows.warps, covariance_px2, correlation, windows.quadratic_bias),
+        Matched(
+            matched, windows.warps, covariance_px2, correlation, windows.quadratic_bias, responses
+        ),
     )
     found = (correlation >= options.min_correlation) & np.isfinite(covariance_px2[:, 0, 0])
     found &= np.linalg.norm(matched - points1, axis=1) <= options.max_shift_px
+    covariance_px2 = _with_response(covariance_px2, responses[found])
     covariance_px2 += INTERPOLATION_SIGMA_PX**2 * np.eye(2)
     return matched, covariance_px2, found, windows
 
@@ -93,3 +99,18 @@ def _precision(options: RefinementOptions) -> np.ndarray:
     """Inverse prior variances: 2 zeros for the displacement, 4 for the warp, gain, offset."""
     sigma = [np.inf] * 2 + [options.affine_sigma] * 4 + [options.gain_sigma, options.offset_sigma]
     return 1.0 / np.square(sigma)
+
+
+def _with_response(covariance_px2: np.ndarray, responses: np.ndarray) -> np.ndarray:
+    """Covariances (N, 2, 2) of matches, given the responses (M, 2, 2) of the usable matches.
+
+    A match whose response to a displacement is R has the covariance ``inv(R) C inv(R).T``, where C
+    assumes that both images have the same gradients. If the blur changes between the images, the
+    gradients along the blur change. This change is common to all windows, in contrast to the noise
+    of a single response. The median response is therefore used for all matches.
+    """
+    if len(responses) == 0 or not np.isfinite(responses).all():
+        return covariance_px2
+    left, lengths, right = np.linalg.svd(np.median(responses, axis=0))
+    inverse = right.T @ np.diag(1.0 / np.maximum(lengths, MIN_RESPONSE)) @ left.T
+    return inverse @ covariance_px2 @ inverse.T

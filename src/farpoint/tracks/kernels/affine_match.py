@@ -36,6 +36,7 @@ from farpoint.tracks.kernels.window_covariance import (
     covary,
     find_influence,
     quadratic_bias,
+    respond,
     solve,
 )
 from farpoint.tracks.kernels.windows import (
@@ -76,6 +77,9 @@ class Matched(NamedTuple):
     quadratic_bias: np.ndarray
     """(N, 2, 2, 3) bias of the match by quadratic motion, px: ``[a, b, c]`` is the displacement
     along axis a per unit of ``u^2``, ``u v`` or ``v^2`` (c) along axis b."""
+    responses: np.ndarray
+    """(N, 2, 2) response of the match to a displacement of the second image; see
+    `window_covariance.respond`."""
 
 
 class Workspace(NamedTuple):
@@ -162,6 +166,7 @@ def match_windows(
         quadratic_bias(template, influence, matched.quadratic_bias[k])
         covariance = matched.covariances[k]
         covary(template, space.residual, variance, precision, influence, covariance)
+        respond(template, space.residual, theta, influence, matched.responses[k])
 
 
 @step_kernel

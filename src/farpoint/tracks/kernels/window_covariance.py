@@ -13,7 +13,15 @@ from farpoint.tracks.constants import AFFINE_PARAMETERS, GRADIENT_NOISE_RATIO, R
 from farpoint.tracks.kernels.affine_jacobian import Template, jacobian_times
 from farpoint.tracks.kernels.windows import line_px
 
-__all__ = ["Influence", "blank_influence", "covary", "find_influence", "quadratic_bias", "solve"]
+__all__ = [
+    "Influence",
+    "blank_influence",
+    "covary",
+    "find_influence",
+    "quadratic_bias",
+    "respond",
+    "solve",
+]
 
 
 class Influence(NamedTuple):
@@ -157,6 +165,48 @@ def _block_moments(moves: np.ndarray, line: int, size: int) -> tuple[float, floa
         float(xy) / RESIDUAL_BLOCK_PX**2,
         float(yy) / RESIDUAL_BLOCK_PX**2,
     )
+
+
+@step_kernel
+def respond(
+    template: Template,
+    residual: np.ndarray,
+    theta: np.ndarray,
+    influence: Influence,
+    response: np.ndarray,
+) -> None:
+    """Response (2, 2) of the estimated displacement to a displacement of the second image.
+
+    The response is the sum of influence times gradient of the second image over the window. The
+    gradient of the second image is that of the template plus that of the residual. For the gradient
+    of the template the sum is the identity.
+    """
+    half, line = template.window.half, template.window.line
+    width, pixels = 2 * half + 1, influence.pixels
+    zero, one = np.float32(0.0), np.uintp(1)
+    xu, xv, yu, yv = zero, zero, zero, zero
+    for v in range(width):
+        above, below = max(v - 1, 0), min(v + 1, width - 1)
+        i, j, k = np.uintp(v * line), np.uintp(above * line), np.uintp(below * line)
+        over = np.float32(1.0 / (below - above))
+        for u in range(np.uintp(width)):
+            down = over * (residual[k + u] - residual[j + u])
+            xv += pixels[0, i + u] * down
+            yv += pixels[1, i + u] * down
+        for u in range(np.uintp(width - 2)):
+            along = np.float32(0.5) * (residual[i + u + one + one] - residual[i + u])
+            xu += pixels[0, i + u + one] * along
+            yu += pixels[1, i + u + one] * along
+        last = i + np.uintp(width - 1)
+        first_along = residual[i + one] - residual[i]
+        last_along = residual[last] - residual[last - one]
+        xu += pixels[0, i] * first_along + pixels[0, last] * last_along
+        yu += pixels[1, i] * first_along + pixels[1, last] * last_along
+    # From the axes of the window to those of the second image: inv(I + M).T times the gradient.
+    a, b, c, d = 1.0 + theta[2], theta[3], theta[4], 1.0 + theta[5]
+    scale, gain = 1.0 / (a * d - b * c), 1.0 + theta[6]
+    response[0, 0], response[0, 1] = gain + scale * (d * xu - c * xv), scale * (a * xv - b * xu)
+    response[1, 0], response[1, 1] = scale * (d * yu - c * yv), gain + scale * (a * yv - b * yu)
 
 
 @step_kernel
