@@ -253,6 +253,10 @@ class PathBuilder:
             window.set_unit()
             window.triangulate()
             self._solve(window, motion)
+            # Before this solution the displacement of no frame was known.
+            window.reset_linear_velocities()
+            self._twist = self._twist_before = window.frames[-1].twist
+            self._pending_twist = None
         elif motion.status is not PoseStatus.STATIC:
             # The displacement is unknown.
             self._own[3:, 3:] += (UNKNOWN_LENGTH_SIGMA * self._unit(pair.seconds)) ** 2 * np.eye(3)
@@ -476,8 +480,17 @@ class PathBuilder:
         self._key_tracks = fresh
 
     def _solve(self, window: Window, motion: RelativePose) -> None:
+        newest, pending = window.frames[-1], self._pending_twist
+        before = newest.twist, None if pending is None else pending[0].twist
         window.solve(LATER_ITERATIONS if window.has_marginalised else FIRST_ITERATIONS)
-        newest = window.frames[-1]
+        # The solution changes velocities: those of the last frames, too.
+        change = newest.twist - before[0]
+        self._twist, self._twist_before = self._twist + change, self._twist_before + change
+        if pending is not None:
+            keyframe, *velocities = pending
+            change = keyframe.twist - before[1]
+            first, second, third = (velocity + change for velocity in velocities)
+            self._pending_twist = keyframe, first, second, third
         seconds = newest.timestamp - window.frames[-2].timestamp
         displacement, is_significant = window.last_length()
         if is_significant and seconds > 0.0 and motion.status is PoseStatus.OK:

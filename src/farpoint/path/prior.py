@@ -12,7 +12,7 @@ from farpoint.path.information import System
 from farpoint.path.keyframe import Keyframe
 from farpoint.path.residuals import Poses
 
-__all__ = ["Prior", "by_position_change"]
+__all__ = ["Prior", "by_position_change", "rotation_vectors"]
 
 
 class Prior:
@@ -59,7 +59,7 @@ class Prior:
         """Deviation (D,) of poses and common unknowns from the linearisation point."""
         turns = poses.R @ self._R.transpose(0, 2, 1)
         shifts = poses.p - np.einsum("kij,kj->ki", turns, self._p)
-        updated = np.concatenate([_rotation_vectors(turns), shifts], axis=1)
+        updated = np.concatenate([rotation_vectors(turns), shifts], axis=1)
         return np.concatenate([updated.ravel(), common - self._common])
 
     def cost(self, deviation: np.ndarray) -> float:
@@ -89,7 +89,7 @@ class Prior:
         self._common = common
 
 
-def _rotation_vectors(R: np.ndarray) -> np.ndarray:
+def rotation_vectors(R: np.ndarray) -> np.ndarray:
     """Rotation vectors (K, 3) of rotations (K, 3, 3) by less than pi."""
     sines = 0.5 * np.stack(
         [R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1

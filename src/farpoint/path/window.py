@@ -39,7 +39,7 @@ from farpoint.path.kernels.window import point_steps
 from farpoint.path.keyframe import Keyframe
 from farpoint.path.landmarks import Landmarks
 from farpoint.path.lens import LensEstimate
-from farpoint.path.prior import Prior, by_position_change
+from farpoint.path.prior import Prior, by_position_change, rotation_vectors
 from farpoint.path.residuals import NOISE, Linear, Normal, Poses, Residuals, row_phase
 
 __all__ = ["Window"]
@@ -283,7 +283,7 @@ class Window:
         if self.lens.is_stale():
             self.lens.relinearise()
             self.landmarks.update_rays()
-        poses = Poses.of(self.frames)
+        poses = start = Poses.of(self.frames)
         residuals = self._residuals(poses)
         linear, deviation = residuals.linear(poses), self._prior.deviation(poses, self.lens.common)
         cost = residuals.cost(linear) + self._prior.cost(deviation)
@@ -311,7 +311,32 @@ class Window:
                 damping *= DAMPING_FACTOR
         self.cost = cost
         self._store_solution(linear, normal, system)
+        self._correct_velocities(start)
         self._find_scale()
+
+    def reset_linear_velocities(self) -> None:
+        """Set the linear velocity of each keyframe to the mean velocity between its neighbours."""
+        times = np.array([frame.timestamp for frame in self.frames])
+        if len(times) < 2 or not (np.diff(times) > 0.0).all():
+            return
+        velocities = np.gradient(np.array([frame.p for frame in self.frames]), times, axis=0)
+        for frame, velocity in zip(self.frames, velocities, strict=True):
+            frame.twist = np.concatenate([frame.twist[:3], velocity])
+
+    def _correct_velocities(self, start: Poses) -> None:
+        """Change the velocity of each keyframe as the solution changes the poses around it.
+
+        A velocity comes from the frames next to its keyframe, whose poses were those before the
+        solution. ``start`` holds the poses before the solution.
+        """
+        times = np.array([frame.timestamp for frame in self.frames])
+        if not (np.diff(times) > 0.0).all() or len(times) < 2:
+            return
+        poses = Poses.of(self.frames)
+        turns = rotation_vectors(poses.R @ start.R.transpose(0, 2, 1))
+        changes = np.concatenate([turns, poses.p - start.p], axis=1)
+        for frame, change in zip(self.frames, np.gradient(changes, times, axis=0), strict=True):
+            frame.twist = frame.twist + change
 
     def _equations(
         self, residuals: Residuals, linear: Linear, deviation: np.ndarray
