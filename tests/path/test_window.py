@@ -166,11 +166,11 @@ def test_a_lens_that_is_believed_has_no_unknowns():
 
 
 def test_rotation_vectors_of_the_prior_are_those_of_so3():
-    from farpoint.path.prior import _rotation_vectors
+    from farpoint.path.prior import rotation_vectors
 
     vectors = np.random.default_rng(0).normal(0.0, 0.8, (40, 3))
     vectors[0] = 0.0
-    np.testing.assert_allclose(_rotation_vectors(so3.exp(vectors)), vectors, atol=1e-12)
+    np.testing.assert_allclose(rotation_vectors(so3.exp(vectors)), vectors, atol=1e-12)
 
 
 def test_eliminating_a_pose_keeps_the_covariance_and_the_solution_of_the_rest():
@@ -201,3 +201,31 @@ def test_solutions_and_inverses_of_systems_whose_units_span_many_orders():
     H[3, 3] = -1.0  # not positive: there is no step, and no error
     assert not solution(System(H, g), 0.0).any()
     assert np.isfinite(inverse(H)).all()
+
+
+def test_velocities_follow_the_solution():
+    window = window_of()
+    start = Poses.of(window.frames)
+    drift, turn = np.array([0.3, -0.2, 0.5]), np.array([0.02, 0.01, -0.03])
+    for frame in window.frames:
+        since = frame.timestamp - window.frames[0].timestamp
+        frame.p, frame.R = frame.p + since * drift, so3.exp(since * turn) @ frame.R
+    window._correct_velocities(start)
+    for frame, before in zip(window.frames, start.twist, strict=True):
+        np.testing.assert_allclose(frame.twist - before, np.concatenate([turn, drift]), atol=1e-6)
+
+
+def test_velocities_are_those_of_the_positions_once_there_is_a_scale():
+    # The camera turns on the spot at first; the first displacement has the length of the unit.
+    steps, turns = np.zeros((11, 3)), np.zeros((11, 3))
+    steps[3:], turns[:, 1] = (0.01, 0.0, 0.005), 0.03
+    drive = Drive(PathOptions(keyframe_flow_px=8.0))
+    for tracks in cloud(poses_of(steps, turns)).tracks():
+        drive.add(tracks)
+    window = drive.builder._window
+    assert window is not None
+    times, poses = [frame.timestamp for frame in window.frames], Poses.of(window.frames)
+    mean = np.gradient(poses.p, times, axis=0)
+    fastest = np.linalg.norm(mean, axis=1).max()
+    assert fastest > 0.0
+    assert np.linalg.norm(poses.twist[:, 3:] - mean, axis=1).max() < 0.03 * fastest
