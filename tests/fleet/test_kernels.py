@@ -33,9 +33,9 @@ compile_kernels()
 ahead = signatures()
 print(sorted(name for name, compiled in ahead.items() if len(compiled) != 1))
 for distortion in ((), (-0.2, 0.05, 1e-3, 0.0)):
-    camera = fp.Camera.pinhole(480, 360, 360.0, 360.0, 239.5, 179.5, distortion=distortion)
+    camera = fp.Camera.pinhole(320, 240, 240.0, 240.0, 159.5, 119.5, distortion=distortion)
     odometry = fp.Odometry(camera.with_readout(0.02, 0.002))
-    for frame in render_drive(camera, frames=25, seed=3):
+    for frame in render_drive(camera, frames=15, seed=3):
         result = odometry.process(frame.image, frame.timestamp)
 pane = np.zeros((60, 80, 3), np.uint8)
 canvas = Canvas(pixels=pane, scale=np.ones(2), stroke=1, palette=RED_GREEN)
