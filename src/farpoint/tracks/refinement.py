@@ -113,4 +113,5 @@ def _with_response(covariance_px2: np.ndarray, responses: np.ndarray) -> np.ndar
         return covariance_px2
     left, lengths, right = np.linalg.svd(np.median(responses, axis=0))
     inverse = right.T @ np.diag(1.0 / np.maximum(lengths, MIN_RESPONSE)) @ left.T
-    return inverse @ covariance_px2 @ inverse.T
+    both_sides = np.kron(inverse, inverse)  # faster than two products of many small matrices
+    return (covariance_px2.reshape(-1, 4) @ both_sides.T).reshape(-1, 2, 2)

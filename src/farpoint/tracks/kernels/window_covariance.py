@@ -183,30 +183,61 @@ def respond(
     """
     half, line = template.window.half, template.window.line
     width, pixels = 2 * half + 1, influence.pixels
-    zero, one = np.float32(0.0), np.uintp(1)
-    xu, xv, yu, yv = zero, zero, zero, zero
     for v in range(width):
-        above, below = max(v - 1, 0), min(v + 1, width - 1)
-        i, j, k = np.uintp(v * line), np.uintp(above * line), np.uintp(below * line)
-        over = np.float32(1.0 / (below - above))
-        for u in range(np.uintp(width)):
-            down = over * (residual[k + u] - residual[j + u])
-            xv += pixels[0, i + u] * down
-            yv += pixels[1, i + u] * down
-        for u in range(np.uintp(width - 2)):
-            along = np.float32(0.5) * (residual[i + u + one + one] - residual[i + u])
-            xu += pixels[0, i + u + one] * along
-            yu += pixels[1, i + u + one] * along
-        last = i + np.uintp(width - 1)
-        first_along = residual[i + one] - residual[i]
-        last_along = residual[last] - residual[last - one]
-        xu += pixels[0, i] * first_along + pixels[0, last] * last_along
-        yu += pixels[1, i] * first_along + pixels[1, last] * last_along
+        residual[v * line + width : (v + 1) * line] = 0.0  # undefined before
+    xu, xv, yu, yv = _gradient_products(pixels[0], pixels[1], residual, line, width)
     # From the axes of the window to those of the second image: inv(I + M).T times the gradient.
     a, b, c, d = 1.0 + theta[2], theta[3], theta[4], 1.0 + theta[5]
     scale, gain = 1.0 / (a * d - b * c), 1.0 + theta[6]
     response[0, 0], response[0, 1] = gain + scale * (d * xu - c * xv), scale * (a * xv - b * xu)
     response[1, 0], response[1, 1] = scale * (d * yu - c * yv), gain + scale * (a * yv - b * yu)
+
+
+@inner_kernel
+def _gradient_products(
+    on_x: np.ndarray, on_y: np.ndarray, residual: np.ndarray, line: int, width: int
+) -> tuple[float, float, float, float]:
+    """Sums over the window of influence times the gradient of the residual.
+
+    ``on_x`` and ``on_y`` are the influences on both coordinates of the displacement. The sums are
+    those of ``on_x`` times the gradient to the right and down, and those of ``on_y``. Differences
+    are central, and one-sided at the border of the window.
+    """
+    xu, xv, yu, yv = _central_products(on_x, on_y, residual, line, width * line)
+    half, bottom = np.float32(0.5), (width - 1) * line
+    for v in range(width):
+        i, j = v * line, v * line + width - 1  # the first and the last pixel of a line
+        first, last = half * residual[i + 1] - residual[i], residual[j] - half * residual[j - 1]
+        xu += on_x[i] * first + on_x[j] * last
+        yu += on_y[i] * first + on_y[j] * last
+    for u in range(width):
+        i = bottom + u
+        first, last = residual[u + line] - residual[u], residual[i] - residual[i - line]
+        xv += on_x[u] * first + on_x[i] * last
+        yv += on_y[u] * first + on_y[i] * last
+    return float(xu), float(xv), float(yu), float(yv)
+
+
+@sum_kernel
+def _central_products(
+    on_x: np.ndarray, on_y: np.ndarray, residual: np.ndarray, line: int, size: int
+) -> tuple[float, float, float, float]:
+    """Sums of influences times central differences, with zeros beyond the ends of lines.
+
+    The first and the last line have no difference downwards.
+    """
+    zero, half, one = np.float32(0.0), np.float32(0.5), np.uintp(1)
+    xu, xv, yu, yv, step = zero, zero, zero, zero, np.uintp(line)
+    for i in range(one, np.uintp(size)):
+        along = half * (residual[i + one] - residual[i - one])
+        xu += on_x[i] * along
+        yu += on_y[i] * along
+    for i in range(step, np.uintp(size) - step):
+        down = half * (residual[i + step] - residual[i - step])
+        xv += on_x[i] * down
+        yv += on_y[i] * down
+    first = half * residual[1]
+    return xu + on_x[0] * first, xv, yu + on_y[0] * first, yv
 
 
 @step_kernel
