@@ -221,7 +221,7 @@ def _gradient_products(
 @sum_kernel
 def _central_products(
     on_x: np.ndarray, on_y: np.ndarray, residual: np.ndarray, line: int, size: int
-) -> tuple[float, float, float, float]:
+) -> tuple[np.floating, np.floating, np.floating, np.floating]:
     """Sums of influences times central differences, with zeros beyond the ends of lines.
 
     The first and the last line have no difference downwards.
