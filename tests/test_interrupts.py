@@ -47,14 +47,8 @@ with interruptible():
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_during_a_compilation_waits_for_its_end(number: signal.Signals):
-    done = subprocess.run(
-        [sys.executable, "-c", COMPILE.replace("NUMBER", str(int(number)))],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        preexec_fn=lambda: signal.signal(number, signal.SIG_DFL),
-    )
-    assert (done.returncode, done.stdout) == (0, "compiled 1\ninterrupted\n"), done.stderr
+    code, out, errors = run(COMPILE.replace("NUMBER", str(int(number))), number)
+    assert (code, out) == (0, "compiled 1\ninterrupted\n"), errors
 
 
 DESTROY = """
@@ -80,15 +74,20 @@ with interruptible():
 """
 
 
-def test_a_signal_that_is_lost_in_a_destructor_is_sent_once_more():
+def run(script: str, number: signal.Signals = signal.SIGINT) -> tuple[int, str, str]:
+    """Exit code and both streams of a script that does not ignore the signal from the start."""
     done = subprocess.run(
-        [sys.executable, "-c", DESTROY],
+        [sys.executable, "-c", script],
         capture_output=True,
         text=True,
         timeout=120,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        preexec_fn=lambda: signal.signal(number, signal.SIG_DFL),
     )
-    assert (done.returncode, done.stdout, done.stderr) == (0, "interrupted\n", "")
+    return done.returncode, done.stdout, done.stderr
+
+
+def test_a_signal_that_is_lost_in_a_destructor_is_sent_once_more():
+    assert run(DESTROY) == (0, "interrupted\n", "")
 
 
 AT_THE_END = """
@@ -109,12 +108,4 @@ print("goes on", flush=True)
 
 
 def test_a_signal_that_waits_at_the_end_interrupts_in_order():
-    done = subprocess.run(
-        [sys.executable, "-c", AT_THE_END],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )
-    expected = "finished\ninterrupted\ngoes on\n"
-    assert (done.returncode, done.stdout, done.stderr) == (0, expected, "")
+    assert run(AT_THE_END) == (0, "finished\ninterrupted\ngoes on\n", "")

@@ -127,7 +127,7 @@ class PathBuilder:
         self._new_keyframe: Keyframe | None = None
         self._is_key, self._has_scale = False, False
         self._twist = self._twist_before = np.zeros(6)
-        self._pending_twist: tuple[Keyframe, np.ndarray, np.ndarray, np.ndarray] | None = None
+        self._pending_twist: tuple[Keyframe, np.ndarray] | None = None
         # Derivatives (6, D) of the current pose by the window's last solution, if there is one.
         self._by_state: np.ndarray | None = None
         self._own = np.zeros((6, 6))  # its covariance with that solution fixed
@@ -480,17 +480,16 @@ class PathBuilder:
         self._key_tracks = fresh
 
     def _solve(self, window: Window, motion: RelativePose) -> None:
-        newest, pending = window.frames[-1], self._pending_twist
-        before = newest.twist, None if pending is None else pending[0].twist
+        newest = window.frames[-1]
+        before = {id(frame): frame.twist for frame in window.frames}
         window.solve(LATER_ITERATIONS if window.has_marginalised else FIRST_ITERATIONS)
         # The solution changes velocities: those of the last frames, too.
-        change = newest.twist - before[0]
+        change = newest.twist - before[id(newest)]
         self._twist, self._twist_before = self._twist + change, self._twist_before + change
-        if pending is not None:
-            keyframe, *velocities = pending
-            change = keyframe.twist - before[1]
-            first, second, third = (velocity + change for velocity in velocities)
-            self._pending_twist = keyframe, first, second, third
+        if self._pending_twist is not None:
+            keyframe, velocities = self._pending_twist
+            change = keyframe.twist - before.get(id(keyframe), keyframe.twist)
+            self._pending_twist = keyframe, velocities + change
         seconds = newest.timestamp - window.frames[-2].timestamp
         displacement, is_significant = window.last_length()
         if is_significant and seconds > 0.0 and motion.status is PoseStatus.OK:
@@ -504,14 +503,14 @@ class PathBuilder:
             twist = np.concatenate([so3.log(R @ self._R.T), p - self._p]) / seconds
         keyframe, self._new_keyframe = self._new_keyframe, None
         if self._pending_twist is not None:
-            previous, before2, before, after = self._pending_twist
+            previous, (before2, before, after) = self._pending_twist
             previous.twist, self._pending_twist = _between(before2, before, after, twist), None
         if keyframe is not None:
             # Mean of the velocities before and after it; the first keyframe has only the latter.
             is_first, last = not keyframe.twist.any(), self._twist
             keyframe.twist = twist if is_first else 0.5 * (last + twist)
             if self._twist_before.any():
-                self._pending_twist = keyframe, self._twist_before, last, twist
+                self._pending_twist = keyframe, np.array([self._twist_before, last, twist])
         self._R, self._p, self._twist, self._twist_before = R, p, twist, self._twist
 
     # Output of a frame

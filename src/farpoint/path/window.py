@@ -316,10 +316,7 @@ class Window:
 
     def reset_linear_velocities(self) -> None:
         """Set the linear velocity of each keyframe to the mean velocity between its neighbours."""
-        times = np.array([frame.timestamp for frame in self.frames])
-        if len(times) < 2 or not (np.diff(times) > 0.0).all():
-            return
-        velocities = np.gradient(np.array([frame.p for frame in self.frames]), times, axis=0)
+        velocities = self._rates(np.array([frame.p for frame in self.frames]))
         for frame, velocity in zip(self.frames, velocities, strict=True):
             frame.twist = np.concatenate([frame.twist[:3], velocity])
 
@@ -329,14 +326,21 @@ class Window:
         A velocity comes from the frames next to its keyframe, whose poses were those before the
         solution. ``start`` holds the poses before the solution.
         """
-        times = np.array([frame.timestamp for frame in self.frames])
-        if not (np.diff(times) > 0.0).all() or len(times) < 2:
-            return
         poses = Poses.of(self.frames)
         turns = rotation_vectors(poses.R @ start.R.transpose(0, 2, 1))
         changes = np.concatenate([turns, poses.p - start.p], axis=1)
-        for frame, change in zip(self.frames, np.gradient(changes, times, axis=0), strict=True):
+        for frame, change in zip(self.frames, self._rates(changes), strict=True):
             frame.twist = frame.twist + change
+
+    def _rates(self, values: np.ndarray) -> np.ndarray:
+        """Mean rates of change (K, ...) of values (K, ...) between the neighbours of each keyframe.
+
+        The rates are per second, and zero if the time stamps do not increase.
+        """
+        times = np.array([frame.timestamp for frame in self.frames])
+        if len(times) < 2 or not (np.diff(times) > 0.0).all():
+            return np.zeros_like(values)
+        return np.gradient(values, times, axis=0)
 
     def _equations(
         self, residuals: Residuals, linear: Linear, deviation: np.ndarray
