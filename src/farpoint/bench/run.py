@@ -27,6 +27,7 @@ from farpoint.bench.tables.paper import paper_table
 from farpoint.bench.tables.path import path_tables
 from farpoint.bench.tables.pipeline import pipeline_table
 from farpoint.bench.tables.scaling import scaling_tables
+from farpoint.bench.tables.scenes import scenes_table
 from farpoint.bench.tables.start import start_table
 from farpoint.bench.tables.steps import steps_table
 from farpoint.bench.tables.timing import timing_table
@@ -44,6 +45,7 @@ _MAKERS: dict[TableName, tuple[_Maker, ...]] = {
     "coverage": (coverage_table,),
     "pairs": (pairs_table,),
     "movers": (movers_table,),
+    "scenes": (scenes_table,),
     "pipeline": (pipeline_table,),
     "lenses": (unprojection_table, wide_table),
     "tracks": (tracks_table,),

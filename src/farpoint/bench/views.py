@@ -8,6 +8,7 @@ import numpy as np
 
 from farpoint.camera import Camera
 from farpoint.synthetic import PointScene
+from farpoint.synthetic.pairs import HardPair
 
 __all__ = ["TwoViews", "evenly_spaced", "views_of_scene"]
 
@@ -34,7 +35,7 @@ class TwoViews:
     translation_cam1_from_cam0: np.ndarray
 
 
-def views_of_scene(scene: PointScene) -> TwoViews:
+def views_of_scene(scene: PointScene | HardPair) -> TwoViews:
     """The matches of a scene, which are the input of estimators, and the true motion."""
     return TwoViews(
         camera=scene.camera,
