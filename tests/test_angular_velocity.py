@@ -155,6 +155,8 @@ def test_a_predicted_motion_is_found_where_the_search_ended_elsewhere():
 
 
 def _angle(pose, R: np.ndarray) -> float:
+    if pose.rotation_cam1_from_cam0 is None:
+        return np.inf
     return so3.angle_between(pose.rotation_cam1_from_cam0, R)
 
 

@@ -59,8 +59,6 @@ def empty_buffers(view: View) -> MotionBuffers:
         per_match=per_match,
         labels=np.full(view.size, 9, np.uint8),
         covariance=np.full((5, 5), np.nan),
-        R_close=np.full((3, 3), np.nan),
-        t_close=np.full(3, np.nan),
         R_secondary=np.full((3, 3), np.nan),
         t_secondary=np.full(3, np.nan),
         scaled_pairs=np.full_like(view.pairs, np.nan),

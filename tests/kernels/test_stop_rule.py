@@ -34,7 +34,7 @@ def drawn(monkeypatch):
 
     The samples of the numbers ``competing`` compete with the best. The ``outlier_shares`` are those
     of the initial pose and after each competing sample, ``known`` the numbers of known matches. The
-    other modes have the ``known_costs``. ``scores`` are the truncated squares of the initial pose
+    other mode has the ``known_cost``. ``scores`` are the truncated squares of the initial pose
     and of every sample; the limit of a match is 9.
     """
 
@@ -46,7 +46,7 @@ def drawn(monkeypatch):
         scores: tuple[float, float] = (1.0, 1.0),
         known: list[int] | None = None,
         kinds: list[int] | None = None,
-        known_costs: tuple[float, float] = (math.inf, math.inf),
+        known_cost: float = math.inf,
         cost: float = 1.0,
     ) -> int:
         samples: list[int] = []
@@ -54,13 +54,13 @@ def drawn(monkeypatch):
         marked = iter(known or [])
         last = [MATCHES]
 
-        def compare_hypothesis(_matches, _challenger, best, close, secondary, within):
+        def compare_hypothesis(_matches, _challenger, best, secondary, within):
             # The best costs 1 at first, or infinitely much.
-            known = max(known_costs) if len(samples) > 1 else math.inf
+            known = known_cost if len(samples) > 1 else math.inf
             assert within == (
                 known - best.cost[0] if known < best.cost[0] + MODE_MARGIN else MODE_MARGIN
             )
-            close.cost[0], secondary.cost[0] = known_costs
+            secondary.cost[0] = known_cost
             return samples[-1] in competing, False
 
         def get_to_know(*_):
@@ -92,7 +92,6 @@ def drawn(monkeypatch):
             "initial_noise": lambda *_: None,
             "copy": lambda *_: None,
             "is_secondary_mode": lambda *_: False,
-            "is_close_mode": lambda *_: False,
             "_search_ambiguous_motions": lambda *_: False,
         }
         for name, mock in mocks.items():
@@ -102,7 +101,7 @@ def drawn(monkeypatch):
             empty, everyone, MATCHES, 100.0, SHORT_TAIL, 1e-6, math.inf, soft_cheirality=True
         )
         budget = five_rays.SearchBudget(3.0, CONFIDENCE, least, most)
-        poses = [Pose(*(empty.copy() for _ in Pose._fields)) for _ in range(3)]
+        poses = [Pose(*(empty.copy() for _ in Pose._fields)) for _ in range(2)]
         poses[0].cost[0] = cost
         drawn_samples, *_ = interpreted(search.search_pose)(matches, empty, budget, empty, *poses)
         assert drawn_samples == len(samples)
@@ -121,9 +120,9 @@ def test_a_competing_mode_needs_the_samples_of_an_uninformed_search(drawn):
     assert drawn([0.4, 0.4], (2,)) == needed(0.4, has_competing_mode=True)
 
 
-@pytest.mark.parametrize("known_costs", [(3.0, math.inf), (3.0, 8.0), (9.0, 8.0), (99.0, 8.0)])
-def test_a_hypothesis_less_likely_than_both_modes_is_left_out(drawn, known_costs):
-    assert drawn([0.4], least=3, most=3, known_costs=known_costs) == 3
+@pytest.mark.parametrize("known_cost", [3.0, 8.0, 99.0, math.inf])
+def test_a_hypothesis_less_likely_than_both_modes_is_left_out(drawn, known_cost):
+    assert drawn([0.4], least=3, most=3, known_cost=known_cost) == 3
 
 
 def test_any_hypothesis_is_within_the_margin_of_an_infinitely_unlikely_start(drawn):
@@ -194,7 +193,7 @@ def test_the_second_motion_of_a_plane_has_the_planar_margin(monkeypatch, outcome
     matches = PackedMatches(
         empty, empty, 640, 100.0, SHORT_TAIL, 1e-6, math.inf, soft_cheirality=True
     )
-    poses = [Pose(*(empty.copy() for _ in Pose._fields)) for _ in range(4)]
+    poses = [Pose(*(empty.copy() for _ in Pose._fields)) for _ in range(3)]
     is_planar = interpreted(search._search_ambiguous_motions)(matches, *poses)
     assert asked == [200.0, MODE_MARGIN]
     assert is_planar == any(outcome)

@@ -16,13 +16,22 @@ from farpoint import (
 )
 from farpoint.geometry import so3, sphere
 from farpoint.metrics import statistics as metrics
-from farpoint.pose.competing_motions import CompetingMotion, likelier_of_plane
 from farpoint.pose.general_motion import GeneralMotionFit, fit_general_motion
 from farpoint.pose.matches import matches_from_points
+from farpoint.pose.posterior import Alternative, Posterior, compare_motions
+from farpoint.pose.pure_rotation import lazy_pure_rotation
 
 CAMERA = Camera.pinhole(640, 480, 500.0, 500.0, 319.5, 239.5)
 NORMAL = np.array([0.45, -0.25, 1.0]) / 4.0
 NOISE_PX = 0.2
+
+
+def compared(points0: np.ndarray, points1: np.ndarray, camera: Camera = CAMERA) -> Posterior:
+    """The motion that the search finds, compared with the other motion of the plane."""
+    matches = matches_from_points(points0, points1, camera, camera)
+    fit = fit_general_motion(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
+    rotation = lazy_pure_rotation(matches, fit.far_rotation_cam1_from_cam0, 1.5)
+    return compare_motions(matches, fit, [], rotation, 1e-3)
 
 
 def wall(seed: int, direction: np.ndarray, off_the_wall: int) -> tuple[np.ndarray, np.ndarray]:
@@ -154,9 +163,7 @@ def test_the_odds_of_the_two_motions_are_those_of_being_wrong():
     for seed in range(360):
         count, relief = ((40, 0.0), (40, 0.01), (120, 0.0), (120, 0.01))[seed % 4]
         points0, points1, direction = rough_wall(seed, count, relief)
-        matches = matches_from_points(points0, points1, CAMERA, CAMERA)
-        fit = fit_general_motion(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
-        fit, other = likelier_of_plane(fit)
+        fit, _, other = compared(points0, points1)
         if other is not None:
             off = sphere.angle_between(fit.direction_cam1_from_cam0, direction)
             wrong.append(off > np.radians(20.0))
@@ -243,9 +250,7 @@ def test_the_other_motion_of_a_wall_is_never_the_first_one():
     apart = []
     for seed in range(150):
         points0, points1, _, _ = wall_ahead(seed, 300, 0.0)
-        matches = matches_from_points(points0, points1, CAMERA, CAMERA)
-        fit = fit_general_motion(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
-        fit, other = likelier_of_plane(fit)
+        fit, _, other = compared(points0, points1)
         if other is not None:
             towards = fit.direction_cam1_from_cam0
             apart.append(sphere.angle_between(towards, other.direction_cam1_from_cam0))
@@ -268,9 +273,7 @@ def test_nothing_before_a_bare_floor_speaks_for_the_wrong_motion():
         noise = rng.normal(0.0, NOISE_PX, (2, len(points0), 2))
         seen = np.isfinite(points1).all(axis=1)
         points = points0[seen] + noise[0, seen], points1[seen] + noise[1, seen]
-        matches = matches_from_points(*points, camera, camera)
-        fit = fit_general_motion(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
-        fit, other = likelier_of_plane(fit)
+        fit, _, other = compared(*points, camera)
         if other is not None:
             nearer = fit.direction_cam1_from_cam0 - other.direction_cam1_from_cam0
             for_right.append(np.copysign(other.log_ratio, nearer @ direction))
@@ -288,10 +291,10 @@ def first_motion() -> GeneralMotionFit:
 
 def beside(
     fit: GeneralMotionFit, turn: np.ndarray, tilt: np.ndarray, against: float
-) -> CompetingMotion:
+) -> Alternative:
     """A motion that differs from the first by as much."""
     direction = fit.direction_cam1_from_cam0
-    return CompetingMotion(
+    return Alternative(
         so3.exp(turn) @ fit.R_cam1_from_cam0,
         sphere.retract(direction, sphere.tangent_basis(direction), tilt),
         against,

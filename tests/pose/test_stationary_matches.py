@@ -2,39 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from pose_kit import estimate, point_scene, rotation_error
+from pose_kit import estimate, rotation_error
 
 from farpoint import Camera, PoseStatus, estimate_relative_pose
 from farpoint.bench.scenes import draw_scenes
-from farpoint.pose import two_motions, two_views
-from farpoint.pose.general_motion import fit_general_motion
-from farpoint.pose.matches import matches_from_points
-from farpoint.pose.options import DEFAULTS
-from farpoint.synthetic import PointScene
+from farpoint.synthetic.pairs import HardPair, stationary
 
 
-def with_stationary(
-    scene: PointScene, share: float, seed: int, noise_px: float = 0.22
-) -> PointScene:
-    """This share of the points in image 1 where they are in image 0, but for the noise."""
-    rng = np.random.default_rng(seed)
-    rows = rng.permutation(len(scene.points0))[: round(share * len(scene.points0))]
-    points1 = scene.points1.copy()
-    points1[rows] = scene.points0[rows] + rng.normal(0.0, noise_px, (len(rows), 2))
-    return replace(scene, points1=points1, is_outlier=np.isin(np.arange(len(points1)), rows))
-
-
-def drawn(count: int, share: float, noise_px: float = 0.22, **grid) -> list[PointScene]:
+def drawn(count: int, share: float, noise_px: float = 0.22, **grid) -> list[HardPair]:
     rng = np.random.default_rng([11, round(100 * share)])
     scenes = draw_scenes(count, rng, matches=300, outliers=15, noise_px=noise_px, **grid)
-    return [with_stationary(scene, share, seed, noise_px) for seed, scene in enumerate(scenes)]
+    return [
+        stationary(scene, seed, share=share, noise_px=noise_px) for seed, scene in enumerate(scenes)
+    ]
 
 
-def errors_deg(scenes: list[PointScene]) -> np.ndarray:
+def errors_deg(scenes: list[HardPair]) -> np.ndarray:
     """Rotation errors, from the largest on."""
     errors = [
         np.linalg.norm(rotation_error(estimate(s), s.rotation_cam1_from_cam0)) for s in scenes
@@ -66,20 +51,6 @@ def test_a_rotating_camera_is_not_taken_for_stationary():
         assert np.degrees(error) < 0.15
 
 
-@pytest.fixture
-def left_out(monkeypatch) -> list[int]:
-    """How many matches of each pair since were left out."""
-    found: list[int] = []
-
-    def without(matches, *arguments):
-        others, fit = two_motions.without_stationary(matches, *arguments)
-        found.append(len(matches) - len(others))
-        return others, fit
-
-    monkeypatch.setattr(two_views, "without_stationary", without)
-    return found
-
-
 def looking_ahead(far: int, seed: int, noise_px: float = 0.2) -> tuple[np.ndarray, np.ndarray]:
     """Matches of a camera that goes ahead and does not turn, so many of them far."""
     rng = np.random.default_rng(seed)
@@ -94,20 +65,15 @@ CAMERA = Camera.pinhole(640, 480, 500.0, 500.0, 319.5, 239.5)
 
 
 @pytest.mark.parametrize("far", [40, 140])
-def test_what_is_far_stands_still_by_right(left_out, monkeypatch, far):
-    searches = []
-    monkeypatch.setattr(
-        two_motions, "fit_general_motion", lambda *a: searches.append(1) or fit_general_motion(*a)
-    )
+def test_what_is_far_stands_still_by_right(far):
     for seed in range(10):
         pose = estimate_relative_pose(*looking_ahead(far, seed), CAMERA)
         assert pose.status is PoseStatus.OK
         assert "stand still" not in pose.reason
-    assert searches
-    assert left_out == [0] * 10
+        assert pose.stats.far >= 0.9 * far
 
 
-def test_a_camera_that_stands_still_among_what_moves_stands_still(left_out):
+def test_a_camera_that_stands_still_among_what_moves_stands_still():
     """Fewer go together than stand still."""
     for seed in range(10):
         rng = np.random.default_rng(seed)
@@ -116,25 +82,15 @@ def test_a_camera_that_stands_still_among_what_moves_stands_still(left_out):
         aside = points0[:120] - [319.5, 239.5]
         points1[:120] += 0.05 * aside[:, ::-1] * [-1.0, 1.0]  # a roll, which no translation is
         points1[120:160] = rng.uniform([0.0, 0.0], [640.0, 480.0], (40, 2))
-        estimate_relative_pose(points0, points1, CAMERA)
-    assert left_out == [0] * 10
+        pose = estimate_relative_pose(points0, points1, CAMERA)
+        assert "Stationary matches" not in pose.reason
 
 
-def test_few_matches_and_most_are_not_asked(monkeypatch):
-    def searched(*_):
-        raise AssertionError("searched")
+@pytest.mark.parametrize(("share", "is_noted"), [(0.03, False), (0.55, False), (0.3, True)])
+def test_few_matches_are_outliers_and_most_are_the_scene(share, is_noted):
+    noted = ["Stationary" in estimate(scene).reason for scene in near(10, share)]
+    assert np.mean(noted) == is_noted
 
-    monkeypatch.setattr(two_motions, "fit_general_motion", searched)
-    state = np.array([1], np.uint64)
-    scenes = [drawn(1, share, baseline_m=0.1, far_share=0.0)[0] for share in (0.04, 0.55, 0.3)]
-    scenes.insert(0, with_stationary(point_scene(3), 0.06, 1))
-    for scene in scenes:
-        matches = matches_from_points(scene.points0, scene.points1, scene.camera, scene.camera)
-        fit = fit_general_motion(matches, 1.5, DEFAULTS, state)
-        if scene is not scenes[-1]:
-            assert two_motions.without_stationary(matches, fit, 1.5, DEFAULTS, state) == (
-                matches,
-                fit,
-            )
-    with pytest.raises(AssertionError, match="searched"):
-        two_motions.without_stationary(matches, fit, 1.5, DEFAULTS, state)
+
+def near(count: int, share: float) -> list[HardPair]:
+    return drawn(count, share, baseline_m=0.1, far_share=0.0)

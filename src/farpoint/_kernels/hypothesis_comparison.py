@@ -40,7 +40,6 @@ __all__ = [
     "compare_hypothesis",
     "default_noise",
     "initial_noise",
-    "is_close_mode",
     "is_same_mode",
     "is_secondary_mode",
     "laplace_factor",
@@ -242,16 +241,15 @@ def compare_hypothesis(
     matches: PackedMatches,
     hypothesis: Pose,
     best: Pose,
-    close: Pose,
     secondary: Pose,
     within: float,
 ) -> tuple[bool, bool]:
     """Refine a hypothesis as long as it may compete, and keep the likelier pose as ``best``.
 
-    The less likely of the two poses is written to ``close``, if it is likelier than the old
-    ``close``. The less likely pose is also written to ``secondary``, if the two poses are within
-    `MODE_MARGIN` and their directions differ. The function returns two values: whether the refined
-    hypothesis, and whether its initial pose, is within the margin ``within`` of the best pose.
+    The less likely of the two poses is written to ``secondary``, if the two poses are within
+    `MODE_MARGIN`, their directions differ, and it is likelier than the old ``secondary``. The
+    function returns two values: whether the refined hypothesis, and whether its initial pose, is
+    within the margin ``within`` of the best pose.
     """
     competes, was_close = refine_if_competitive(matches, hypothesis, best, within)
     if not competes:
@@ -263,9 +261,8 @@ def compare_hypothesis(
     )
     is_better = hypothesis.cost[0] < best.cost[0]
     less_likely = best if is_better else hypothesis
-    _keep_better(less_likely, close)
-    if is_close:
-        _keep_better(less_likely, secondary)
+    if is_close and less_likely.cost[0] < secondary.cost[0]:
+        copy_pose(less_likely, secondary)
     if is_better:
         copy_pose(hypothesis, best)
     return True, was_close
@@ -277,12 +274,6 @@ def planar_margin(count: int) -> float:
     return max(MODE_MARGIN, PLANAR_MARGIN * math.sqrt(count / MAX_SEARCHED))
 
 
-@step_kernel
-def is_close_mode(close: Pose, best: Pose) -> bool:
-    """Whether a pose is within `MODE_MARGIN` of the best pose, and a different mode."""
-    return close.cost[0] < best.cost[0] + MODE_MARGIN and not is_same_mode(close.R, close.t, best)
-
-
 @inner_kernel
 def is_secondary_mode(secondary: Pose, best: Pose) -> bool:
     """Whether a pose is within `MODE_MARGIN` of the best pose, and has another direction."""
@@ -292,9 +283,3 @@ def is_secondary_mode(secondary: Pose, best: Pose) -> bool:
 @step_kernel
 def _has_other_direction(pose: Pose, best: Pose) -> bool:
     return dot(vector(pose.t), vector(best.t)) < COS_DIFFERENT_MODE
-
-
-@step_kernel
-def _keep_better(pose: Pose, kept: Pose) -> None:
-    if pose.cost[0] < kept.cost[0]:
-        copy_pose(pose, kept)

@@ -35,12 +35,12 @@ def fit_motion(
     least_signal: float,
     state: np.ndarray,
     buffers: MotionBuffers,
-) -> tuple[int, bool, bool, bool, MotionSummary]:
+) -> tuple[int, bool, bool, MotionSummary]:
     """Search for a pose by a subsample of the matches, and refine the pose by all matches.
 
-    The function returns five results: the number of hypotheses; whether the second motion of a
-    plane competes; whether a secondary mode in another direction is within the margin; whether any
-    mode is within the margin and only a subsample was searched; and the values of `refine_motion`.
+    The function returns four results: the number of hypotheses; whether the second motion of a
+    plane competes; whether a secondary mode in another direction is within the margin; and the
+    values of `refine_motion`.
 
     The search (`search.search_pose`) starts at the rotation of the far matches, which is itself
     searched for from the identity. If there are no far matches, the search starts at the rotation
@@ -51,11 +51,11 @@ def fit_motion(
     some, few = searched_pairs(matches), matches.total <= MAX_SEARCHED
     count = matches.total if few else MAX_SEARCHED
     candidates = find_candidates(some, count, budget.tolerance, state, buffers.R_far)
-    iterations, is_planar, has_secondary, has_close = _search(
+    iterations, is_planar, has_secondary = _search(
         some, matches, candidates, budget, state, buffers
     )
     values = refine_and_evaluate(some, matches, least_signal, buffers)
-    return iterations, is_planar, has_secondary, has_close and not few, values
+    return iterations, is_planar, has_secondary, values
 
 
 @kernel
@@ -66,16 +66,15 @@ def _search(
     budget: SearchBudget,
     state: np.ndarray,
     buffers: MotionBuffers,
-) -> tuple[int, bool, bool, bool]:
+) -> tuple[int, bool, bool]:
     """The search of `fit_motion` in a subsample of the matches."""
     best = Pose(buffers.R, buffers.t, buffers.mixture, np.empty((6, 6)), np.empty(1))
-    close = Pose(buffers.R_close, buffers.t_close, np.empty(4), np.empty((6, 6)), np.empty(1))
     secondary = Pose(
         buffers.R_secondary, buffers.t_secondary, np.empty(4), np.empty((6, 6)), np.empty(1)
     )
     copy(buffers.R_far, best.R)
     searched = searched_matches(some, matches)
-    return search_pose(searched, candidates, budget, state, best, close, secondary)
+    return search_pose(searched, candidates, budget, state, best, secondary)
 
 
 @kernel

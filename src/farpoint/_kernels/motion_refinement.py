@@ -89,10 +89,6 @@ class MotionBuffers(NamedTuple):
     """(N,) labels; see `evidence.label_matches`."""
     covariance: np.ndarray
     """(5, 5) covariance of rotation and direction, rad^2; see `covariance.covariance_here`."""
-    R_close: np.ndarray
-    """(3, 3) rotation of the second likeliest mode, if it is within the margin."""
-    t_close: np.ndarray
-    """(3,) direction of the second likeliest mode."""
     R_secondary: np.ndarray
     """(3, 3) rotation of the secondary mode, whose direction differs, if the search found one."""
     t_secondary: np.ndarray

@@ -25,7 +25,6 @@ from farpoint._kernels.hypothesis_comparison import (
     compare_hypothesis,
     default_noise,
     initial_noise,
-    is_close_mode,
     is_secondary_mode,
     mark_consistent,
     outlier_share_of,
@@ -151,9 +150,8 @@ def search_pose(
     budget: SearchBudget,
     state: np.ndarray,
     best: Pose,
-    close: Pose,
     secondary: Pose,
-) -> tuple[int, bool, bool, bool]:
+) -> tuple[int, bool, bool]:
     """Likeliest pose near the rotation of ``best`` and among five-ray hypotheses.
 
     The search starts at the direction of the flow of the ``candidates``. Samples of five matches
@@ -165,15 +163,14 @@ def search_pose(
     has low squares only with a large variance. After a competing mode was found, more samples are
     drawn. Finally the ambiguous motions of the best pose are compared.
 
-    ``best`` receives the likeliest pose, ``close`` the second likeliest pose, and ``secondary`` the
-    likeliest pose in another direction. The function returns the number of samples, whether the
-    second motion of a plane competes, whether ``secondary`` is within the margin, and whether
-    ``close`` is within the margin.
+    ``best`` receives the likeliest pose, and ``secondary`` the likeliest pose in another direction.
+    The function returns the number of samples, whether the second motion of a plane competes, and
+    whether ``secondary`` is within the margin.
     """
     pairs, prior, count, tolerance = matches.pairs, matches.prior, matches.total, budget.tolerance
     other = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
     sample, start = np.empty(5, np.int64), np.empty((3, 3))
-    close.cost[0] = secondary.cost[0] = math.inf
+    secondary.cost[0] = math.inf
     copy(best.R, start)
     flow = _typical_flow(pairs, count, start)
     limit, lowest = _start(matches, candidates, tolerance, state, best, other)
@@ -200,17 +197,17 @@ def search_pose(
             continue
         lowest = min(raw, lowest)
         initial_noise(matches, best, tolerance, other.mixture)
-        # With two competing modes, a hypothesis less likely than both is of no use.
-        worst = max(close.cost[0], secondary.cost[0])
+        # With two modes, a hypothesis less likely than both is of no use.
+        worst = secondary.cost[0]
         within = worst - best.cost[0] if worst < best.cost[0] + MODE_MARGIN else MODE_MARGIN
-        competes, _ = compare_hypothesis(matches, other, best, close, secondary, within)
+        competes, _ = compare_hypothesis(matches, other, best, secondary, within)
         if competes:
             has_competing_mode = np.bool_(True)
             outlier_share = outlier_share_of(matches, best, tolerance)
             _mark_known(matches, best, tolerance, known)
             share = _mark_known(matches, other, tolerance, known)
-    is_planar = _search_ambiguous_motions(matches, best, other, close, secondary)
-    return iteration, is_planar, is_secondary_mode(secondary, best), is_close_mode(close, best)
+    is_planar = _search_ambiguous_motions(matches, best, other, secondary)
+    return iteration, is_planar, is_secondary_mode(secondary, best)
 
 
 @step_kernel
@@ -240,7 +237,7 @@ def _start(
 
 @step_kernel
 def _search_ambiguous_motions(
-    matches: PackedMatches, best: Pose, other: Pose, close: Pose, secondary: Pose
+    matches: PackedMatches, best: Pose, other: Pose, secondary: Pose
 ) -> bool:
     """Compare the best pose with its ambiguous motions.
 
@@ -255,12 +252,12 @@ def _search_ambiguous_motions(
         # The best pose may lie between the two motions of the plane; refined, it becomes one of
         # them.
         within = planar_margin(matches.total)
-        competes, was_close = compare_hypothesis(matches, other, best, close, secondary, within)
+        competes, was_close = compare_hypothesis(matches, other, best, secondary, within)
         is_planar = competes or was_close
         gate = GATE_SIGMA * math.sqrt(best.mixture[0])
     if bas_relief_motion(matches.pairs, matches.total, gate, best.R, best.t, other.R, other.t):
         copy(best.mixture, other.mixture)
-        compare_hypothesis(matches, other, best, close, secondary, MODE_MARGIN)
+        compare_hypothesis(matches, other, best, secondary, MODE_MARGIN)
     return is_planar
 
 

@@ -44,10 +44,12 @@ def compile_kernels() -> None:
     rotation = dataclasses.replace(
         usual, translation_m=(0.0, 0.0, 0.0), rotation_vector_rad=(0.02, 0.0, 0.0)
     )
-    # A general motion, and one with little parallax, with large noise, with two modes, and none.
+    # A general motion, and one with little parallax, with an uncertain direction of many matches,
+    # with large noise, with two modes, and none.
     for options in (
         dataclasses.replace(usual, camera=fisheye, matches=600),
         dataclasses.replace(usual, far_share=0.8, translation_m=(0.02, 0.0, 0.0)),
+        dataclasses.replace(usual, matches=300, noise_px=1.0, translation_m=(0.03, 0.0, 0.0)),
         dataclasses.replace(usual, noise_px=3.0),
         dataclasses.replace(
             usual,

@@ -1,18 +1,14 @@
-"""Candidate motions in addition to the result of the search, and the choice of the likeliest.
+"""Candidate motions in addition to the result of the search.
 
-The search compares motions by a part of the matches and by residuals only. The result of the search
-may be a local maximum if nearly all points are far, if the noise is large, or if the residuals of
-neighbours are correlated. In these cases further candidates come from the flow of rejected matches,
-the secondary modes of the search, the rotation of the far points, and a search with a bounded noise
-scale. Each candidate is refined by the likelihood of all matches. The likeliest candidate replaces
-the result of the search if the log likelihood of the candidate is larger by a margin.
+The search compares motions by a part of the matches and by residuals only. Its result may be a
+local maximum if the likelihood has several modes, if nearly all points are far, if the noise is
+large, or if the residuals of neighbours are correlated. Each candidate is the start of a refinement
+by the likelihood of all matches; `posterior` compares the refined motions.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
-from operator import attrgetter
 
 import numpy as np
 
@@ -21,58 +17,33 @@ from farpoint._kernels.search import search_direction
 from farpoint.pose.constants import (
     CANDIDATE_SAMPLES,
     CHANCE_DIRECTIONS,
-    CLEAR_MARGIN,
     LARGE_NOISE_RATIO,
     MIN_REJECTED,
     REJECTED_TOLERANCE_RATIO,
 )
 from farpoint.pose.far_rotation import far_rotation
-from farpoint.pose.general_motion import (
-    GeneralMotionFit,
-    fit_with_bounded_noise,
-    refit_general_motion,
-)
+from farpoint.pose.general_motion import GeneralMotionFit, fit_with_bounded_noise
 from farpoint.pose.matches import Matches
 from farpoint.pose.model_selection import is_consensus
 from farpoint.pose.options import RelativePoseOptions
-from farpoint.pose.two_motions import is_correlated
 
-__all__ = ["likeliest_motion"]
+__all__ = ["candidate_motions"]
 
 
-def likeliest_motion(
+def candidate_motions(
     matches: Matches,
     fit: GeneralMotionFit,
     tolerance: float,
     options: RelativePoseOptions,
     state: np.ndarray,
-) -> GeneralMotionFit:
-    """The given fit, or a candidate motion that is clearly likelier.
-
-    If the noise is large, the likeliest other candidate becomes ``candidate_mode`` of the fit.
-    """
-    is_noisy = fit.noise.sigma >= LARGE_NOISE_RATIO * tolerance
-    starts = [*_from_rejected(matches, fit, tolerance, state)]
-    if is_noisy or is_correlated(fit, tolerance):
-        starts += _with_bounded_noise(matches, fit, tolerance, options, state)
-        starts += _from_far_points(matches, fit, tolerance, state)
-    if not starts:
-        return fit
-    others = (refit_general_motion(matches, start) for start in starts)
-    found = max(others, key=attrgetter("log_likelihood"))
-    if _is_clearly_likelier(found, fit):
-        return found
-    if not is_noisy:
-        return fit
-    behind = max(fit.log_likelihood - found.log_likelihood, 0.0)
-    other = found.R_cam1_from_cam0, found.direction_cam1_from_cam0, behind
-    return replace(fit, candidate_mode=other)
-
-
-def _is_clearly_likelier(fit: GeneralMotionFit, other: GeneralMotionFit) -> bool:
-    """Whether the first motion is likelier than the second by the margin of candidates."""
-    margin = 2.0 * CLEAR_MARGIN if fit.has_shrunk_flow else CLEAR_MARGIN
-    return fit.log_likelihood - other.log_likelihood > margin * other.matches.misspecification
+) -> Iterator[GeneralMotionFit]:
+    """Starts of motions that may be likelier than a fitted motion; usually none."""
+    if fit.secondary_mode is not None:
+        yield fit.at(*fit.secondary_mode)
+    yield from _from_rejected(matches, fit, tolerance, state)
+    if fit.noise.sigma >= LARGE_NOISE_RATIO * tolerance:
+        yield from _with_bounded_noise(matches, fit, tolerance, options, state)
+        yield from _from_far_points(matches, fit, tolerance, state)
 
 
 def _from_rejected(
@@ -103,16 +74,13 @@ def _with_bounded_noise(
     options: RelativePoseOptions,
     state: np.ndarray,
 ) -> Iterator[GeneralMotionFit]:
-    """Best motion of a search whose noise is bounded by its initial value, and the secondary modes
-    of this search and of the fit.
-    """
+    """Modes of a search whose noise is bounded by its initial value."""
     found = fit_with_bounded_noise(
         matches, (tolerance / GATE_SIGMA) ** 2, CANDIDATE_SAMPLES, tolerance, options, state
     )
     yield found
-    yield from (
-        fit.at(*mode) for mode in (fit.secondary_mode, found.secondary_mode) if mode is not None
-    )
+    if found.secondary_mode is not None:
+        yield fit.at(*found.secondary_mode)
 
 
 def _from_far_points(

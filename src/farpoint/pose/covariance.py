@@ -166,14 +166,13 @@ def inflation_between_patches(fit: GeneralMotionFit) -> float:
     If surfaces of the scene are consistent with different motions, the likelihood has several
     modes. The poses from both halves are refined from the same mode and stay near this mode, but
     other matches of the same scene might lead to another mode. The split-half ratio does not show
-    this uncertainty. The same holds if the dominant motion replaced a likelier merged mode.
+    this uncertainty.
     """
     matches, inlier = fit.matches, np.flatnonzero(fit.probability > 0.5)
     patch = patches_of(matches.rays0)
     correlation = patch_correlation(
         matches.pairs, fit.residual, inlier, patch, fit.noise.sigma, MAX_NEIGHBOUR_QUERIES
     )
-    correlation = max(correlation, fit.merged_mode_correlation)
     return 1.0 + HALVES_CORRELATION_SLOPE * max(correlation - HALVES_CORRELATION, 0.0)
 
 

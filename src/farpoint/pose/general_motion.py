@@ -15,13 +15,13 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint._kernels.constants import (
-    GATE_SIGMA,
     LANES,
     LN2,
     LONG_TAIL,
     MAX_SEARCHED,
-    MODE_MARGIN,
     PANEL,
+    REPEATED_WIDTH_RATIO,
+    ROUNDING,
     START_REPEATED_SHARE,
     START_TAIL_SHARE,
 )
@@ -32,7 +32,7 @@ from farpoint._kernels.motion import fit_motion
 from farpoint._kernels.motion_refinement import MotionBuffers, MotionSummary, refine_motion
 from farpoint._kernels.pairs import packed_length
 from farpoint._kernels.pose import LinearisationPoint, PackedMatches, Pose
-from farpoint.pose.constants import IDENTITY, MAX_FLOW_NOISE_SHARE
+from farpoint.pose.constants import EFFECTIVE_PER_ROOT, IDENTITY, MAX_FLOW_NOISE_SHARE
 from farpoint.pose.matches import Matches
 from farpoint.pose.noise import Noise
 from farpoint.pose.options import RelativePoseOptions
@@ -44,9 +44,8 @@ __all__ = [
     "evaluate_matches",
     "fit_general_motion",
     "fit_with_bounded_noise",
-    "is_clearly_likelier",
-    "is_likelier",
     "linearisation_point",
+    "log_densities",
     "packed_pose",
     "refit_general_motion",
     "start_at",
@@ -129,13 +128,6 @@ class GeneralMotionFit:
     beyond_rotation, supporting : int
         Number of inliers in the search that contradict every rotation that may fit, and number of
         all inliers in the search.
-    merged_mode_correlation : float
-        Residual correlation of a likelier motion that was rejected as a merged mode between this
-        motion and another motion; 0 if there is no such motion.
-    candidate_mode : tuple of ndarray, shapes (3, 3) and (3,), and float, or None
-        Rotation and direction, cam1_from_cam0, of the likeliest other candidate, and the
-        log-likelihood ratio, at least 0, of this motion to that candidate. None if the noise is
-        small.
     """
 
     R_cam1_from_cam0: np.ndarray
@@ -158,8 +150,6 @@ class GeneralMotionFit:
     log_odds: float
     beyond_rotation: int
     supporting: int
-    merged_mode_correlation: float
-    candidate_mode: tuple[np.ndarray, np.ndarray, float] | None = None
 
     def at(
         self, R_cam1_from_cam0: np.ndarray, direction_cam1_from_cam0: np.ndarray
@@ -172,9 +162,17 @@ class GeneralMotionFit:
         )
 
     @property
-    def log_likelihood(self) -> float:
-        """Log likelihood of all matches, averaged over nearby poses."""
-        return -self.cost * len(self.matches) - self.laplace_factor
+    def log_evidence(self) -> float:
+        """Log likelihood of all matches averaged over nearby poses, with the sign of the direction.
+
+        The prior of the parallax of a match is estimated from the other matches, and matches of one
+        surface are correlated. The prior therefore counts for ``min(N, 5 sqrt(N))`` of N matches.
+        """
+        n = len(self.matches)
+        log_prior = float(self.probability @ np.log(self.per_match[0, :n]))
+        redundant = 1.0 - min(EFFECTIVE_PER_ROOT / math.sqrt(n), 1.0)
+        sign = -float(np.logaddexp(0.0, -self.sign_log_odds))
+        return sign - self.cost * n - self.laplace_factor - redundant * log_prior
 
     @property
     def sign_probability(self) -> float:
@@ -218,9 +216,7 @@ def fit_general_motion(
 
     The direction of the derotated flow is refined jointly with the rotation. The result of this
     refinement is a local maximum if there are no far points, or if a rotation can imitate the
-    parallax. It is therefore compared with five-ray hypotheses. If the search used only a part of
-    the matches and found two modes of nearly the same likelihood, both modes are compared by all
-    matches, and the second mode is selected only if it is clearly likelier.
+    parallax. It is therefore compared with five-ray hypotheses.
     """
     n = len(matches)
     found = _empty_buffers(n)
@@ -231,17 +227,11 @@ def fit_general_motion(
         min_iterations=options.min_iterations,
         max_iterations=min(samples, options.max_iterations),
     )
-    iterations, is_planar, has_mode, has_close_mode, summary = fit_motion(
+    iterations, is_planar, has_mode, summary = fit_motion(
         _packed(matches, found), budget, _least_signal(matches), state, found
     )
     mode = (found.R_secondary, found.t_secondary) if has_mode else None
-    fit = _general_motion_fit(matches, iterations, bool(is_planar), mode, found, summary)
-    if not has_close_mode:
-        return fit
-    close = refit_general_motion(matches, fit.at(found.R_close, found.t_close))
-    if not is_clearly_likelier(close, fit):
-        return fit
-    return replace(close, secondary_mode=(fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0))
+    return _general_motion_fit(matches, iterations, bool(is_planar), mode, found, summary)
 
 
 def fit_with_bounded_noise(
@@ -261,28 +251,6 @@ def fit_with_bounded_noise(
     budget = replace(options, min_iterations=least, max_iterations=most)
     part = matches.subsample(MAX_SEARCHED).with_noise_up_to(variance)
     return fit_general_motion(part, tolerance, budget, state)
-
-
-def is_clearly_likelier(fit: GeneralMotionFit, other: GeneralMotionFit) -> bool:
-    """Whether a fit is likelier than another fit by more than `MODE_MARGIN`."""
-    return is_likelier(fit, other, by=MODE_MARGIN)
-
-
-def is_likelier(fit: GeneralMotionFit, other: GeneralMotionFit, by: float = 0.0) -> bool:
-    """Whether a fit is likelier than another fit to the same matches by more than ``by``.
-
-    The fit must be likelier under two priors. One prior of a match is the density of the parallax.
-    If a rotation absorbs parallax that is common to all matches, all parallax becomes smaller and
-    this density becomes larger. The other prior is the density of ratios of parallax, which does
-    not change with the size of the parallax.
-    """
-    by_parallax = fit.log_likelihood - other.log_likelihood
-    return min(by_parallax, by_parallax + _log_ratios(fit) - _log_ratios(other)) > by
-
-
-def _log_ratios(fit: GeneralMotionFit) -> float:
-    """Log ratio between the density of the ratios of parallax and the density of the parallax."""
-    return float(fit.probability @ np.log(np.hypot(fit.parallax / fit.noise.sigma, GATE_SIGMA)))
 
 
 def refit_general_motion(matches: Matches, fit: GeneralMotionFit | Start) -> GeneralMotionFit:
@@ -323,6 +291,22 @@ def evaluate_matches(matches: Matches, fit: GeneralMotionFit | Start) -> np.ndar
     half_width, prior = matches.outlier_half_width, matches.weights()
     evaluate_residuals(linearisation_point(fit, half_width, matches.pairs, prior), *rows)
     return rows[:, : len(matches)]
+
+
+def log_densities(matches: Matches, fit: GeneralMotionFit) -> np.ndarray:
+    """Log density (N,) of the given matches as inliers of a fitted motion.
+
+    The density is that of the residual in units of the noise, with a uniform density along the
+    epipolar lines.
+    """
+    residual, _, probability = evaluate_matches(matches, fit)
+    outlier_share, repeated = fit.noise.outlier_share, fit.noise.repeated_share
+    width = matches.outlier_half_width / REPEATED_WIDTH_RATIO
+    about = 2.0 / math.pi * REPEATED_WIDTH_RATIO / (1.0 + (residual / width) ** 2)
+    outliers = (1.0 - repeated + repeated * about) / (2.0 * matches.outlier_half_width)
+    inlier = np.clip(probability, 1e-300, 1.0 - ROUNDING)
+    odds = inlier / (1.0 - inlier) * (outlier_share / (1.0 - outlier_share))
+    return np.log(outliers * odds)
 
 
 def linearisation_point(
@@ -372,8 +356,6 @@ def _empty_buffers(n: int) -> MotionBuffers:
         per_match=np.empty((4, packed_length(n))),
         labels=np.empty(n, np.uint8),
         covariance=np.empty((5, 5)),
-        R_close=np.empty((3, 3)),
-        t_close=np.empty(3),
         R_secondary=np.empty((3, 3)),
         t_secondary=np.empty(3),
         scaled_pairs=np.empty(packed_length(n) // LANES * PANEL),
@@ -411,5 +393,4 @@ def _general_motion_fit(
         log_odds=summary.log_odds,
         beyond_rotation=summary.beyond_rotation,
         supporting=summary.supporting,
-        merged_mode_correlation=0.0,
     )

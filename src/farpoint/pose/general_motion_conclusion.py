@@ -11,12 +11,6 @@ import numpy as np
 from farpoint.geometry.so3 import rotation_vector
 from farpoint.pose import conclusion
 from farpoint.pose.certainty import direction_sigma, fixes_rotation
-from farpoint.pose.competing_motions import (
-    ComparedModes,
-    compare_modes,
-    covariance_between,
-    likelier_of_plane,
-)
 from farpoint.pose.conclusion import Diagnostics, full_labels
 from farpoint.pose.constants import UNOBSERVABLE_NOISE_SHARE
 from farpoint.pose.covariance import (
@@ -26,11 +20,11 @@ from farpoint.pose.covariance import (
     shared_covariance,
     split_half_ratio,
 )
-from farpoint.pose.general_motion import GeneralMotionFit
 from farpoint.pose.matches import Matches
 from farpoint.pose.model_selection import is_motion, is_vague
 from farpoint.pose.one_object import is_one_object
 from farpoint.pose.options import RelativePoseOptions
+from farpoint.pose.posterior import Posterior, covariance_between
 from farpoint.pose.pure_rotation import PureRotationFit
 from farpoint.pose.result import PoseStatus, RelativePose
 
@@ -45,29 +39,27 @@ MOSTLY_NOISE = "Insufficient parallax: the flow beyond the rotation is mostly no
 
 def conclude_general_motion(
     matches: Matches,
-    fit: GeneralMotionFit,
+    posterior: Posterior,
     pure_rotation: Callable[[], PureRotationFit],
     options: RelativePoseOptions,
     diagnostics: Diagnostics,
 ) -> RelativePose:
-    """Result from the fitted general motion, or from a likelier competing motion.
+    """Result from the likeliest general motion.
 
     ``pure_rotation`` is called only if the pure rotation is needed.
     """
-    rate = options.false_alarm_rate
-    fit, of_plane = likelier_of_plane(fit)
+    rate, fit = options.false_alarm_rate, posterior.fit
     diagnostics.time_stage("refinement_s")
     if not is_motion(fit, rate):
         return conclusion.no_consensus(matches, fit.agreeing, diagnostics)
-    modes = compare_modes(fit, of_plane, pure_rotation, rate)
-    fit, covariance = modes.fit, _inflated_covariance(matches, modes, options, diagnostics)
+    covariance = _inflated_covariance(matches, posterior, options, diagnostics)
     diagnostics.time_stage("covariance_s")
     if not fixes_rotation(covariance[:3, :3]):
         return conclusion.undetermined_rotation(matches, diagnostics)
     diagnostics.cost, diagnostics.sign_probability = fit.cost, fit.sign_probability
     sigma = direction_sigma(covariance)
     labels, noise = full_labels(matches, fit.labels), fit.noise.mean_sigma
-    unobservable = _unobservable_direction(modes, sigma, pure_rotation, rate)
+    unobservable = _unobservable_direction(posterior, sigma, pure_rotation, rate)
     if unobservable is not None:
         return conclusion.without_direction(
             PoseStatus.ROTATION_ONLY,
@@ -86,25 +78,27 @@ def conclude_general_motion(
         labels,
         noise,
         diagnostics,
-        _ambiguity(modes),
+        _ambiguity(posterior),
     )
 
 
 def _inflated_covariance(
     matches: Matches,
-    modes: ComparedModes,
+    posterior: Posterior,
     options: RelativePoseOptions,
     diagnostics: Diagnostics,
 ) -> np.ndarray:
     """Covariance (5, 5), rad^2, inflated for correlated residuals and common errors."""
-    ratio = diagnostics.split_half_ratio = split_half_ratio(modes.fit, options.half_splits)
+    ratio = diagnostics.split_half_ratio = split_half_ratio(posterior.fit, options.half_splits)
     inflation = inflation_by_halves(ratio, options.expected_half_ratio, 5 * options.half_splits)
     # The design effect and the correlation of patches measure the same correlation.
     if matches.design_effect > 1.0:
         inflation *= matches.design_effect
     elif ratio is not None:
-        inflation *= inflation_between_patches(modes.fit) * inflation_beyond_patches(ratio, options)
-    covariance = inflation * modes.covariance
+        inflation *= inflation_between_patches(posterior.fit) * inflation_beyond_patches(
+            ratio, options
+        )
+    covariance = inflation * posterior.covariance()
     covariance[:3, :3] += shared_covariance(matches, options.shared_error_px)
     return covariance
 
@@ -125,17 +119,17 @@ class Unobservable(NamedTuple):
 
 
 def _unobservable_direction(
-    modes: ComparedModes, sigma: float, pure_rotation: Callable[[], PureRotationFit], rate: float
+    posterior: Posterior, sigma: float, pure_rotation: Callable[[], PureRotationFit], rate: float
 ) -> Unobservable | None:
     """Reason why a direction is not observable; None if the direction is observable.
 
     ``sigma`` is the largest 1-sigma of the direction, rad.
     """
-    fit, mode = modes.fit, modes.secondary_mode
-    if mode is not None and not mode.is_nearby(fit):
-        ambiguity = _ambiguity(modes)
+    fit, other = posterior.fit, posterior.alternative
+    if other is not None and posterior.has_other_direction:
+        ambiguity = _ambiguity(posterior)
         reason = ambiguity if fit.shows_direction else f"{ambiguity} {MOSTLY_NOISE}"
-        return Unobservable(reason, mode.rotation_covariance_beside(fit))
+        return Unobservable(reason, other.rotation_covariance_beside(fit))
     if is_one_object(fit.matches.rays0, fit.labels):
         apart = np.array(rotation_vector(pure_rotation().R_cam1_from_cam0 @ fit.R_cam1_from_cam0.T))
         return Unobservable(ONE_OBJECT, covariance_between(apart, 0.5))
@@ -153,7 +147,7 @@ def _unobservable_direction(
     return Unobservable(reason, covariance_between(apart, UNOBSERVABLE_NOISE_SHARE**2))
 
 
-def _ambiguity(modes: ComparedModes) -> str:
-    """A sentence about the secondary mode, if there is one."""
-    mode = modes.secondary_mode
-    return "" if mode is None else mode.described_beside(modes.fit)
+def _ambiguity(posterior: Posterior) -> str:
+    """A sentence about the alternative motion, if there is one."""
+    other = posterior.alternative
+    return "" if other is None else other.described_beside(posterior.fit)

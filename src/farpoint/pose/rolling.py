@@ -107,7 +107,7 @@ def _closer(
     if searched.other is None:
         return closer
     other = _closer_to(shutter, pixels, searched.other, searched.theta)
-    return max(closer, other, key=lambda each: each[0].log_likelihood)
+    return max(closer, other, key=lambda each: each[0].log_evidence)
 
 
 def _closer_to(

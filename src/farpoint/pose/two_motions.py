@@ -1,245 +1,265 @@
-"""Image pairs with a second motion, of a moving object or of matches fixed in the image.
+"""Explanations of the matches by two motions: the camera's, and that of an object or of dirt.
 
-A merged mode between the two motions explains all matches with more noise. The merged mode may be
-likelier than the motion of the camera, because the noise scale is free. There are two signs of a
-merged mode. First, some matches stand still in the image while the other matches move (dirt on the
-lens, the bonnet, a caption). Second, residuals of neighbours are correlated, and the correlation
-vanishes if the matches are split into two motions.
+A merged mode between two motions explains all matches with more noise. The merged mode may be
+likelier than the motion of the camera, because the noise scale is free. The explanation by two
+motions is therefore compared with the explanation by one. Its likelihood is a mixture,
+
+    sum_i log(w_1 f_1(i) + w_2 f_2(i) + w_0 u),
+
+with the densities f_k of the inliers of each motion, the density u of outliers, and shares w. The
+second motion is a general motion, or matches that are stationary in the image, such as dirt on the
+lens, the bonnet, or a caption.
+
+An explanation by two motions must separate the matches: the entropy of the responsibilities is
+subtracted. Errors that are smooth over the image, as of a lens or a shutter, also gain likelihood
+by a second motion, but separate no matches. The ratio is divided by the design effect of the
+residuals of one motion, as for every log-likelihood ratio of correlated residuals. Finally, the
+residuals that the motion of the camera leaves must be independent between neighbours.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
-from operator import attrgetter
+from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.constants import COARSE_STEPS, GATE_SIGMA, MIN_MATCHES, MIN_SHARE
+from farpoint._kernels.constants import (
+    EM_ROUNDS,
+    GATE_SIGMA,
+    MIN_MATCHES,
+    REMAINING_GAIN_FACTOR,
+    ROUNDING,
+)
 from farpoint._kernels.evidence import find_stationary
-from farpoint.geometry.sphere import tangent_basis
-from farpoint.geometry.vectors import cross, median
+from farpoint.geometry.vectors import median
 from farpoint.pose.constants import (
-    DISC_CENTERS,
-    DISC_MATCHES,
-    DISC_SHARES,
+    CANDIDATE_SAMPLES,
     DOMINANT_SHARE,
-    GAP_OF_AGREEING,
-    GAP_OF_MOVED,
     MAD_TO_SIGMA,
-    MAX_LEFT_BY_SPLIT,
     MAX_STATIONARY_SHARE,
-    MERGED_MODE_CORRELATION,
-    MERGED_MODE_CORRELATION_REPEATED,
     MERGED_MODE_NOISE_RATIO,
     MIN_INDEPENDENT_SHARE,
     MIN_PART_MATCHES,
     MIN_STATIONARY_SHARE,
-    NEAR_EPIPOLE_RAD,
-    REFINED_NOISE_BOUNDS,
     SEARCH_NOISE_BOUND,
-    SEARCH_SAMPLES,
     SUSPECT_CORRELATION,
+    TWO_MOTIONS_MARGIN,
 )
 from farpoint.pose.general_motion import (
     GeneralMotionFit,
     evaluate_matches,
     fit_general_motion,
     fit_with_bounded_noise,
-    is_clearly_likelier,
+    log_densities,
     refit_general_motion,
 )
 from farpoint.pose.matches import Matches
 from farpoint.pose.options import RelativePoseOptions
-from farpoint.pose.patches import patches_of
 
-__all__ = ["dominant_motion", "is_correlated", "without_stationary"]
+__all__ = ["TwoMotions", "explain_by_two"]
 
 
-def without_stationary(
+class TwoMotions(NamedTuple):
+    """An explanation of the matches by the motion of the camera and a second motion.
+
+    Attributes
+    ----------
+    matches : Matches
+        The matches that do not follow the second motion.
+    fit : GeneralMotionFit
+        The motion of the camera, fitted to these matches.
+    second : GeneralMotionFit or None
+        The second motion; None if its matches are stationary in the image.
+    following : int
+        Number of matches that follow the second motion.
+    log_ratio : float
+        Integrated classification likelihood minus log likelihood of one motion, both averaged over
+        nearby poses, divided by the design effect.
+    """
+
+    matches: Matches
+    fit: GeneralMotionFit
+    second: GeneralMotionFit | None
+    following: int
+    log_ratio: float
+
+    def described(self) -> str:
+        """A sentence about the second motion."""
+        if self.second is None:
+            return (
+                f"Stationary matches: {self.following} matches stand still in the image and move "
+                "with the camera, as dirt on its lens does."
+            )
+        return (
+            f"Independently moving object: {self.following} matches follow a second motion, with "
+            "independent residuals."
+        )
+
+
+def explain_by_two(
     matches: Matches,
     fit: GeneralMotionFit,
     tolerance: float,
     options: RelativePoseOptions,
     state: np.ndarray,
-) -> tuple[Matches, GeneralMotionFit]:
-    """The matches without stationary matches that contradict the other matches, and a new fit.
+) -> TwoMotions | None:
+    """The likeliest explanation by two motions, if it is clearly likelier than ``fit`` alone.
 
-    Stationary matches are matches that do not move in the image. They are left out under two
-    conditions: they contradict the motion of the other matches, and they are fewer than the matches
-    that agree on that motion. If the camera does not rotate, far points are stationary, too, but
-    far points contradict no motion.
+    Stationary matches have no unknown motion, so the other explanations are tried after them.
+    """
+    arguments = matches, fit, tolerance, options, state
+    for starts in (_with_stationary(*arguments), _with_bounded_noise(*arguments)):
+        found = [_explanation(matches, fit, *start) for start in starts]
+        best = max(filter(None, found), key=lambda each: each.log_ratio, default=None)
+        if best is not None and best.log_ratio > TWO_MOTIONS_MARGIN:
+            return best
+    return None
+
+
+def _with_stationary(
+    matches: Matches,
+    fit: GeneralMotionFit,
+    tolerance: float,
+    options: RelativePoseOptions,
+    state: np.ndarray,
+) -> Iterator[tuple[GeneralMotionFit, None]]:
+    """The motion of the matches that are not stationary in the image.
+
+    If the camera does not rotate, far points are stationary, too: the motion explains them.
     """
     stationary = np.empty(len(matches), bool)
     within = min(GATE_SIGMA * fit.noise.sigma, tolerance)
     count = find_stationary(matches.pairs, within, stationary)
     least, most = MIN_STATIONARY_SHARE * len(matches), MAX_STATIONARY_SHARE * len(matches)
-    if count < MIN_MATCHES or not least <= count <= most:
-        return matches, fit
-    others = matches.select(~stationary)
-    found = fit_general_motion(others, tolerance, options, state)
-    _, _, probability = evaluate_matches(matches.select(stationary), found)
-    if found.agreeing <= count or np.count_nonzero(probability > 0.5) > count / 2:
-        return matches, fit
-    return others, found
+    if count >= MIN_MATCHES and least <= count <= most:
+        yield fit_general_motion(matches.select(~stationary), tolerance, options, state), None
 
 
-def is_correlated(fit: GeneralMotionFit, tolerance: float) -> bool:
-    """Whether residuals are so correlated between neighbours that the fit may be a merged mode."""
-    many_repeated = fit.noise.outlier_share * fit.noise.repeated_share > MIN_SHARE
-    limit = MERGED_MODE_CORRELATION_REPEATED if many_repeated else MERGED_MODE_CORRELATION
-    return (
-        fit.neighbours.correlation >= limit
-        and fit.noise.sigma >= MERGED_MODE_NOISE_RATIO * tolerance
-    )
-
-
-def dominant_motion(
+def _with_bounded_noise(
     matches: Matches,
     fit: GeneralMotionFit,
     tolerance: float,
     options: RelativePoseOptions,
     state: np.ndarray,
-) -> GeneralMotionFit:
-    """The fit, or the dominant of two motions if the fit is a merged mode of these two motions.
+) -> Iterator[tuple[GeneralMotionFit, GeneralMotionFit]]:
+    """The motion found with a bounded noise, and two possible motions of the other matches.
 
-    If the noise is limited to the part of the residuals that is independent between neighbours,
-    each of the two motions is likelier than the merged mode. A split into two motions is accepted
-    if the residuals have a gap between the two motions, and if the residuals within each motion are
-    independent. Without an accepted split the fit is returned, unless a search with bounded noise
-    finds a clearly likelier motion.
+    The noise is bounded by the part of the residual variance that is independent between
+    neighbours. The second motion is found in the same way, or starts at the fit. Both motions are
+    searched for only if neighbouring residuals are correlated and larger than a tracker's noise.
     """
     if (
         fit.neighbours.correlation < SUSPECT_CORRELATION
         or fit.noise.sigma < MERGED_MODE_NOISE_RATIO * tolerance
     ):
-        return fit
-    splits = [_split(matches, fit, part) for part in _of_two_parts(matches, fit)]
-    found = max(filter(None, splits), key=attrgetter("agreeing"), default=None)
-    if found is not None or not is_correlated(fit, tolerance):
-        return found or fit
-    narrow = fit_with_bounded_noise(
-        matches,
-        SEARCH_NOISE_BOUND * _independent_variance(fit),
-        SEARCH_SAMPLES,
-        tolerance,
-        options,
-        state,
-    )
-    split = _split(matches, fit, narrow)
-    if split is not None:
-        return split
-    found = refit_general_motion(matches, narrow)
-    return found if is_clearly_likelier(found, fit) else fit
-
-
-def _independent_variance(fit: GeneralMotionFit) -> float:
-    """Part of the residual variance that is independent between neighbours.
-
-    The estimate includes the heavy tail of the noise, because matches of a second motion may be in
-    the tail.
-    """
+        return
     sigma = MAD_TO_SIGMA * median(np.abs(fit.residual[fit.probability > 0.5]))
-    return max(1.0 - fit.neighbours.correlation, MIN_INDEPENDENT_SHARE) * sigma**2
+    independent = max(1.0 - fit.neighbours.correlation, MIN_INDEPENDENT_SHARE) * sigma**2
+    bound = SEARCH_NOISE_BOUND * independent, CANDIDATE_SAMPLES, tolerance, options, state
+    first = fit_with_bounded_noise(matches, *bound)
+    rest = evaluate_matches(matches, first)[2] < 0.5
+    if MIN_PART_MATCHES <= np.count_nonzero(rest) <= len(matches) - MIN_PART_MATCHES:
+        others = matches.select(rest)
+        yield first, fit_with_bounded_noise(others, *bound)
+        yield first, refit_general_motion(others, fit)
 
 
-def _split(
-    matches: Matches, fit: GeneralMotionFit, start: GeneralMotionFit
-) -> GeneralMotionFit | None:
-    """The motion near ``start``, if this motion is the dominant of two motions; else None.
+def _explanation(
+    matches: Matches,
+    fit: GeneralMotionFit,
+    first: GeneralMotionFit,
+    second: GeneralMotionFit | None,
+) -> TwoMotions | None:
+    """The explanation near two motions, by classification EM.
 
-    Most matches must agree with the motion, and the other matches must agree on a second motion.
+    Celeux and Govaert, Comput. Stat. Data Anal. 14, 1992, DOI 10.1016/0167-9473(92)90042-E. The
+    gain is that of the integrated classification likelihood: the log likelihood minus the entropy
+    of the responsibilities (Biernacki, Celeux and Govaert, IEEE PAMI 22, 2000, DOI
+    10.1109/34.865189). EM ends early if the gain would stay negative.
     """
-    variance = _independent_variance(fit)
-    residual = np.abs(evaluate_matches(matches, start)[0, fit.probability > 0.5])
-    for bound in REFINED_NOISE_BOUNDS:
-        if _has_gap(residual, GATE_SIGMA * math.sqrt(bound * variance)):
-            found = refit_general_motion(matches.with_noise_up_to(bound * variance), start)
-            is_dominant = found.agreeing > DOMINANT_SHARE * fit.agreeing
-            if is_dominant and found.neighbours.correlation < MAX_LEFT_BY_SPLIT * min(
-                fit.neighbours.correlation, MERGED_MODE_CORRELATION
-            ):
-                return replace(found, merged_mode_correlation=fit.neighbours.correlation)
+    alone, gain, follows = _log_likelihood(matches, fit), -math.inf, np.zeros(0)
+    for _ in range(EM_ROUNDS):
+        densities = log_densities(matches, first), _second_density(matches, first, second)
+        responsibility, log_likelihood = _mixture(matches, *densities)
+        before, follows = (gain, follows), np.argmax(responsibility, axis=0)
+        counts = np.bincount(follows, minlength=3)
+        if min(counts[0], counts[1]) < MIN_MATCHES:
             return None
+        laplace = first.laplace_factor + (0.0 if second is None else second.laplace_factor)
+        gain = log_likelihood - laplace - alone - _entropy(responsibility)
+        if gain + REMAINING_GAIN_FACTOR * (gain - before[0]) < 0.0:
+            return None
+        if np.array_equal(follows, before[1]):
+            break
+        first = refit_general_motion(matches.select(follows != 1), first)
+        if second is not None:
+            second = refit_general_motion(matches.select(follows != 0), second)
+    return _of_camera(matches, fit, (first, second), follows, gain / fit.neighbours.design_effect)
+
+
+def _of_camera(
+    matches: Matches,
+    fit: GeneralMotionFit,
+    motions: tuple[GeneralMotionFit, GeneralMotionFit | None],
+    follows: np.ndarray,
+    log_ratio: float,
+) -> TwoMotions | None:
+    """The explanation in which the camera has one of the two motions; None if it has neither.
+
+    The motion of the camera is that of most matches, and its residuals are independent between
+    neighbours. Stationary matches are not of the camera's motion.
+    """
+    counts = np.bincount(follows, minlength=2)
+    for k in (0, 1) if counts[0] >= counts[1] else (1, 0):
+        camera, other = motions[k], motions[1 - k]
+        if camera is None:
+            return None
+        is_dominant = counts[k] > DOMINANT_SHARE * fit.agreeing
+        if is_dominant and camera.neighbours.z_score <= GATE_SIGMA:
+            kept = matches.select(follows != 1 - k)
+            return TwoMotions(kept, camera, other, int(counts[1 - k]), log_ratio)
     return None
 
 
-def _has_gap(residual: np.ndarray, bound: float) -> bool:
-    """Whether residuals beyond a bound belong to another motion, not to the tail of the noise."""
-    agreeing, near = np.count_nonzero(residual < bound), np.count_nonzero(residual < 2.0 * bound)
-    tail, moved = near - agreeing, residual.size - agreeing
-    return bool(tail < min(GAP_OF_MOVED * moved, GAP_OF_AGREEING * agreeing))
+def _mixture(matches: Matches, one: np.ndarray, two: np.ndarray) -> tuple[np.ndarray, float]:
+    """Responsibilities (3, N) and log likelihood of two motions and outliers, shares by EM."""
+    outliers = np.full(len(matches), -math.log(2.0 * matches.outlier_half_width))
+    densities = np.stack([one, two, outliers])
+    densities -= (largest := densities.max(axis=0))
+    np.exp(densities, out=densities)
+    shares, responsibility, total = np.full(3, 1.0 / 3.0), densities, largest
+    for _ in range(EM_ROUNDS):
+        weighted = shares[:, None] * densities
+        total = weighted.sum(axis=0)
+        responsibility = weighted / total
+        shares = np.maximum(responsibility.mean(axis=1), ROUNDING)
+    return responsibility, float(np.sum(np.log(total) + largest))
 
 
-def _of_two_parts(matches: Matches, fit: GeneralMotionFit) -> Iterator[GeneralMotionFit]:
-    """The motions of the two parts of the image that two motions explain best.
+def _entropy(responsibility: np.ndarray) -> float:
+    """Entropy of the responsibilities (3, N), summed over all matches."""
+    return -float(np.sum(responsibility * np.log(np.maximum(responsibility, ROUNDING))))
 
-    Each part is a set of patches. To first order, the residuals of a part under the best motion of
-    that part are ``r + J x`` with ``x = -H^-1 g``, where g is the gradient and H the information of
-    the part at the fit. The first split is into the best of some discs and the matches outside that
-    disc. Then each patch moves to the part whose motion fits the patch better.
+
+def _log_likelihood(matches: Matches, fit: GeneralMotionFit) -> float:
+    """Log likelihood of one motion, comparable with that of a `_mixture`; with Laplace's factor."""
+    share = fit.noise.outlier_share
+    outliers = math.log(share / (2.0 * matches.outlier_half_width))
+    inliers = math.log1p(-share) + log_densities(matches, fit)
+    return float(np.sum(np.logaddexp(inliers, outliers))) - fit.laplace_factor
+
+
+def _second_density(
+    matches: Matches, first: GeneralMotionFit, second: GeneralMotionFit | None
+) -> np.ndarray:
+    """Log density (N,) of the inliers of the second motion, or of stationary matches.
+
+    Along the epipolar line, stationary matches have the same density as far points.
     """
-    if len(matches) < 2 * MIN_PART_MATCHES:
-        return
-    r, J = _linearised(matches, fit)
-    rows = np.concatenate([r[:, None], J], axis=1) * np.sqrt(fit.probability)[:, None]
-    total, patch = rows.T @ rows, patches_of(matches.rays0)
-    moved = _best_disc(matches.rays0, rows, total)
-    for _ in range(COARSE_STEPS):
-        within = rows[moved].T @ rows[moved]
-        apart = (r + _own_steps(np.stack([total - within, within])) @ J.T) ** 2
-        gain = np.bincount(patch, fit.probability * (apart[0] - apart[1]))
-        before, moved = moved, gain[patch] > 0.0
-        if (moved == before).all():
-            break
-    within = rows[moved].T @ rows[moved]
-    left = float(np.sum(_left_over(np.stack([total - within, within]))))
-    if left > MAX_LEFT_BY_SPLIT * total[0, 0]:
-        return
-    for part in (moved, ~moved):
-        if np.count_nonzero(part) >= MIN_PART_MATCHES:
-            yield refit_general_motion(matches.select(part), fit)
-
-
-def _best_disc(rays: np.ndarray, rows: np.ndarray, total: np.ndarray) -> np.ndarray:
-    """Mask (N,) of the matches in the best disc around one of the rays.
-
-    For the best disc, a motion inside and a motion outside the disc leave the smallest residuals.
-    """
-    some = np.arange(0, len(rays), max(len(rays) // DISC_MATCHES, 1))
-    n, scale = len(some), len(rays) / len(some)
-    centers = some[np.arange(DISC_CENTERS) * n // DISC_CENTERS]
-    cosines = rays[centers] @ rays[some].T
-    outward = np.sort(cosines, axis=1)[:, ::-1]
-    rims = outward[:, [round(share * n) - 1 for share in DISC_SHARES]]
-    discs = (cosines[:, None] >= rims[:, :, None]).reshape(-1, n)
-    products = rows[some, :, None] * rows[some, None, :]  # (n, 6, 6)
-    within = scale * (discs.astype(float) @ products.reshape(n, -1)).reshape(-1, 6, 6)
-    left = _left_over(within) + _left_over(total - within)
-    disc, rim = divmod(int(np.argmin(left)), len(DISC_SHARES))
-    return rays @ rays[centers[disc]] >= rims[disc, rim]
-
-
-def _own_steps(squares: np.ndarray) -> np.ndarray:
-    """Gauss-Newton steps (K, 5), from the sums (K, 6, 6) of products of ``[r, J]``."""
-    damped = squares[:, 1:, 1:].copy()
-    diagonals = np.einsum("kii->ki", damped)  # a view
-    diagonals += 1e-9 * diagonals.sum(axis=1, keepdims=True) + 1e-300
-    return -np.linalg.solve(damped, squares[:, 1:, :1])[:, :, 0]
-
-
-def _left_over(squares: np.ndarray) -> np.ndarray:
-    """Sums (K,) of squared residuals after the steps of `_own_steps`."""
-    return squares[:, 0, 0] + np.sum(squares[:, 1:, 0] * _own_steps(squares), axis=1)
-
-
-def _linearised(matches: Matches, fit: GeneralMotionFit) -> tuple[np.ndarray, np.ndarray]:
-    """Residuals (N,) in units of the noise, and derivatives (N, 5) by ``[dtheta, dbeta]``."""
-    t, a, b = fit.direction_cam1_from_cam0, matches.rays0 @ fit.R_cam1_from_cam0.T, matches.rays1
-    normal = cross(t, a)
-    scale = np.sqrt(matches.precision) / np.maximum(
-        np.linalg.norm(normal, axis=1), NEAR_EPIPOLE_RAD
-    )
-    by_pose = np.hstack([cross(a, cross(b, t)), cross(a, b) @ tangent_basis(t)])
-    return scale * np.sum(normal * b, axis=1), scale[:, None] * by_pose
+    if second is not None:
+        return log_densities(matches, second)
+    flow2 = np.sum((matches.rays1 - matches.rays0) ** 2, axis=1) * matches.precision
+    sigma = first.noise.sigma
+    return -0.5 * flow2 / sigma**2 - math.log(math.sqrt(2.0 * math.pi) * sigma)

@@ -13,11 +13,11 @@ import numpy as np
 from farpoint._kernels.compile import AnnouncedCompilation
 from farpoint._kernels.constants import MIN_MATCHES
 from farpoint.errors import InputError
-from farpoint.pose.candidates import likeliest_motion
+from farpoint.pose.candidates import candidate_motions
 from farpoint.pose.certainty import direction_sigma
 from farpoint.pose.closed_form import estimate_closed_form
 from farpoint.pose.conclusion import Diagnostics, failed_pose
-from farpoint.pose.constants import MERGED_MODE_CORRELATION
+from farpoint.pose.constants import NOTED_CORRELATION
 from farpoint.pose.correlated_residuals import count_residual_correlation
 from farpoint.pose.far_rotation import far_rotation
 from farpoint.pose.general_motion import (
@@ -31,12 +31,18 @@ from farpoint.pose.matches import Matches
 from farpoint.pose.model_selection import is_clearly_translating, is_vague, translation_evidence
 from farpoint.pose.noise_floor import noise_floor
 from farpoint.pose.options import RelativePoseOptions
+from farpoint.pose.posterior import compare_motions
 from farpoint.pose.pure_rotation import fit_pure_rotation, lazy_pure_rotation
 from farpoint.pose.pure_rotation_conclusion import conclude_pure_rotation
 from farpoint.pose.result import RelativePose
-from farpoint.pose.two_motions import dominant_motion, without_stationary
+from farpoint.pose.two_motions import explain_by_two
 
 __all__ = ["estimate", "search", "shows_direction"]
+
+CORRELATED = (
+    "Residuals of neighbouring matches are correlated: lens model, rolling shutter, moving objects "
+    "or repeated structure."
+)
 
 
 def search(matches: Matches, options: RelativePoseOptions, seed: int) -> GeneralMotionFit | None:
@@ -108,20 +114,25 @@ def _find(
     matches, start = _with_noise_floor(matches, general, start)
     if start is not None:
         general = refit_general_motion(matches, start)
-        diagnostics.time_stage("refinement_s")
-    general, given = likeliest_motion(matches, general, tolerance, options, state), len(matches)
-    matches, general = without_stationary(matches, general, tolerance, options, state)
-    general = dominant_motion(matches, general, tolerance, options, state)
-    _note_disturbances(given - len(matches), general, diagnostics)
+    diagnostics.time_stage("refinement_s")
+    two = explain_by_two(matches, general, tolerance, options, state)
+    if two is not None:
+        matches, general = two.matches, two.fit
+        diagnostics.note(two.described())
+    if general.neighbours.correlation > NOTED_CORRELATION:
+        diagnostics.note(CORRELATED)
     if options.count_sharing:
         matches, general = count_residual_correlation(matches, general)
         diagnostics.design_effect = matches.design_effect
     pure_rotation = lazy_pure_rotation(matches, general.far_rotation_cam1_from_cam0, tolerance)
-    evidence, rate = 1.0, options.false_alarm_rate
+    candidates = candidate_motions(matches, general, tolerance, options, state)
+    rate = options.false_alarm_rate
+    posterior = compare_motions(matches, general, candidates, pure_rotation, rate)
+    evidence, general = 1.0, posterior.fit
     if not is_clearly_translating(general):
         evidence = translation_evidence(matches, general, pure_rotation(), rate)
     if evidence >= 1.0:
-        return conclude_general_motion(matches, general, pure_rotation, options, diagnostics)
+        return conclude_general_motion(matches, posterior, pure_rotation, options, diagnostics)
     return conclude_pure_rotation(matches, pure_rotation(), general, evidence, options, diagnostics)
 
 
@@ -137,25 +148,6 @@ def _with_noise_floor(
         return matches, start
     # The search tested for a plane with noise that lacked the floor.
     return matches.given_noise.with_floor(floor), replace(general, is_planar=True)
-
-
-def _note_disturbances(
-    stationary: int, general: GeneralMotionFit, diagnostics: Diagnostics
-) -> None:
-    """Add a note to the reason if stationary or correlated matches disturbed the estimate."""
-    if stationary:
-        diagnostics.note(
-            f"Stationary matches: {stationary} matches stand still in the image and move "
-            "with the camera, as dirt on its lens does."
-        )
-    if (
-        max(general.neighbours.correlation, general.merged_mode_correlation)
-        > MERGED_MODE_CORRELATION
-    ):
-        diagnostics.note(
-            "Residuals of neighbouring matches are correlated: lens model, rolling shutter, moving "
-            "objects or repeated structure."
-        )
 
 
 def _random_state(seed: int) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 
 from farpoint.camera import Camera
 from farpoint.geometry import so3
-from farpoint.pose.constants import CLEAR_MARGIN, COS_NEARBY
+from farpoint.pose.constants import COS_NEARBY
 from farpoint.pose.general_motion import refit_general_motion
 from farpoint.pose.lens_uncertainty import View, with_lens_uncertainty
 from farpoint.pose.matches import PixelMatches
@@ -92,7 +92,7 @@ def search_views(
     seed: int,
     predicted: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Searched | None:
-    """The motion found by a search, or a clearly likelier motion near the predicted motion.
+    """The motion found by a search, or a likelier motion near the predicted motion.
 
     ``predicted`` is a rotation and a direction, cam1_from_cam0. The result is None for too few
     matches.
@@ -108,8 +108,7 @@ def search_views(
     if shutter is not None:  # compared after correction of the rows, each with its own rotation
         return searched._replace(other=near)
     near = refit_general_motion(fit.matches, near)
-    is_likelier = near.log_likelihood > fit.log_likelihood + CLEAR_MARGIN
-    return searched._replace(fit=near) if is_likelier else searched
+    return searched._replace(fit=near) if near.log_evidence > fit.log_evidence else searched
 
 
 def rough_motion(

@@ -1,0 +1,294 @@
+"""The likeliest of all candidate motions, and what else the matches allow.
+
+The evidence of a motion (`GeneralMotionFit.log_evidence`) is the log likelihood of all matches with
+Laplace's factor, the sign of the direction, and a tempered prior of the parallax. Log-likelihood
+ratios are divided by the tempering of the matches.
+
+The two motions of a plane are the exception: their log likelihoods differ by chance, by about
+sqrt(N) for N matches, because each motion ignores the noise along its own epipolar lines. The
+relief of the plane decides between them. If the noise may be misspecified, so may be the relief,
+and the ratio counts only if the evidence agrees with it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from farpoint._kernels.competing_modes import compare_with_mode, likeliest_other_mode
+from farpoint._kernels.constants import COS_SAME_MODE, GATE_SIGMA, MAX_SEARCHED
+from farpoint._kernels.plane import other_motion
+from farpoint._kernels.pose import PackedMatches, Pose
+from farpoint.geometry.so3 import rotation_vector
+from farpoint.geometry.sphere import tangent_basis
+from farpoint.pose.certainty import direction_sigma
+from farpoint.pose.constants import (
+    ALONG_DIFFERENCE_SHARE,
+    COS_NEARBY,
+    LINEAR_DIRECTION_SIGMA,
+    LOG_RATIO_TEMPERING,
+    MAX_DIRECTION_SIGMA,
+    PLANE_TEMPERING,
+    UNDECIDED_LOG_RATIO,
+    UNDECIDED_MATCHES,
+)
+from farpoint.pose.covariance import general_motion_covariance
+from farpoint.pose.general_motion import GeneralMotionFit, packed_pose, refit_general_motion
+from farpoint.pose.matches import Matches
+from farpoint.pose.pure_rotation import PureRotationFit
+
+__all__ = ["Alternative", "Posterior", "compare_motions", "covariance_between"]
+
+PLANE = "Planar ambiguity: a plane explains the matches and allows two motions"
+SECONDARY = "Secondary mode: two motions explain the matches"
+
+
+class Alternative(NamedTuple):
+    """A motion that explains the matches nearly as well as the likeliest motion.
+
+    Attributes
+    ----------
+    R_cam1_from_cam0 : ndarray, shape (3, 3)
+    direction_cam1_from_cam0 : ndarray, shape (3,)
+    log_ratio : float
+        Log-likelihood ratio, at least 0, of the likeliest motion to this motion.
+    cause : str
+        Reason why the likelihood has two modes.
+    """
+
+    R_cam1_from_cam0: np.ndarray
+    direction_cam1_from_cam0: np.ndarray
+    log_ratio: float
+    cause: str
+
+    def is_nearby(self, fit: GeneralMotionFit) -> bool:
+        """Whether this motion and ``fit`` have about the same direction."""
+        return _cosine(self, fit) > COS_NEARBY
+
+    def described_beside(self, fit: GeneralMotionFit) -> str:
+        """A sentence that states the cause and the angle between the directions of both motions."""
+        apart = math.acos(min(max(_cosine(self, fit), -1.0), 1.0))
+        return f"{self.cause}, whose directions are {math.degrees(apart):.0f} deg apart."
+
+    def covariance_beside(self, fit: GeneralMotionFit) -> np.ndarray:
+        """Covariance (5, 5), rad^2, to add to ``fit`` because this motion may be the true motion.
+
+        The added covariance is the squared difference between the two motions times the probability
+        of this motion. A share of 0.1 of the squared difference is rotated by 90 degrees about the
+        direction. The added covariance is zero if the two directions are far apart.
+        """
+        if _cosine(self, fit) < COS_SAME_MODE:
+            return np.zeros((5, 5))
+        direction, turn = fit.direction_cam1_from_cam0, self._turn_from(fit)
+        basis = tangent_basis(direction)
+        tilt = basis @ (basis.T @ self.direction_cam1_from_cam0)
+        aside = np.cross(direction, turn) + (direction @ turn) * direction
+        along = np.concatenate([turn, basis.T @ tilt])
+        across = np.concatenate([aside, basis.T @ np.cross(direction, tilt)])
+        mixed = ALONG_DIFFERENCE_SHARE * np.outer(along, along) + (
+            1.0 - ALONG_DIFFERENCE_SHARE
+        ) * np.outer(across, across)
+        return self.probability(fit.matches.tempering, PLANE_TEMPERING) * mixed
+
+    def rotation_covariance_beside(self, fit: GeneralMotionFit) -> np.ndarray:
+        """Covariance (3, 3), rad^2, to add to the rotation of ``fit`` because this motion may be
+        the true motion.
+        """
+        return covariance_between(self._turn_from(fit), self.probability(fit.matches.tempering))
+
+    def probability(self, misspecification: float, tempering: float = LOG_RATIO_TEMPERING) -> float:
+        """Probability of this motion.
+
+        The probability is ``1 / (1 + exp(tempering * log_ratio / misspecification))``, where
+        ``misspecification`` is the misspecification factor of the noise variance.
+        """
+        return 1.0 / (1.0 + math.exp(min(tempering * self.log_ratio / misspecification, 700.0)))
+
+    def _turn_from(self, fit: GeneralMotionFit) -> np.ndarray:
+        return np.array(rotation_vector(self.R_cam1_from_cam0 @ fit.R_cam1_from_cam0.T))
+
+
+class Posterior(NamedTuple):
+    """The likeliest motion, and the likeliest of the other motions.
+
+    Attributes
+    ----------
+    fit : GeneralMotionFit
+        The likeliest motion.
+    alternative : Alternative, optional
+        Another motion that the data do not rule out at the false-alarm rate: the likeliest in
+        another direction, or the other motion of a plane.
+    of_plane : Alternative, optional
+        The other motion of a plane, also if it is ruled out.
+    """
+
+    fit: GeneralMotionFit
+    alternative: Alternative | None
+    of_plane: Alternative | None
+
+    @property
+    def has_other_direction(self) -> bool:
+        """Whether there is an alternative with clearly another direction."""
+        return self.alternative is not None and not self.alternative.is_nearby(self.fit)
+
+    def covariance(self) -> np.ndarray:
+        """Covariance (5, 5), rad^2, of the likeliest motion and of the other motion of a plane."""
+        covariance = general_motion_covariance(self.fit)
+        if self.of_plane is not None and not self.has_other_direction:
+            covariance += self.of_plane.covariance_beside(self.fit)
+        return covariance
+
+
+def covariance_between(apart: np.ndarray, probability: float) -> np.ndarray:
+    """Covariance (3, 3), rad^2, to add to a rotation if another rotation has this probability.
+
+    ``apart`` is the rotation vector between the two rotations. The covariance is the probability
+    times the squared length of ``apart``: a share of 0.9 along ``apart``, and an isotropic share of
+    0.1 for the case that a third rotation is the true one.
+    """
+    isotropic = float(apart @ apart) / 3.0 * np.eye(3)
+    return probability * (
+        ALONG_DIFFERENCE_SHARE * np.outer(apart, apart) + (1.0 - ALONG_DIFFERENCE_SHARE) * isotropic
+    )
+
+
+def compare_motions(
+    matches: Matches,
+    fit: GeneralMotionFit,
+    candidates: Iterable[GeneralMotionFit],
+    pure_rotation: Callable[[], PureRotationFit],
+    rate: float,
+) -> Posterior:
+    """Refine the candidate motions by all matches, and compare them with a fitted motion.
+
+    A motion is ruled out at the false-alarm rate ``rate``. A candidate is not taken if it makes the
+    residuals of neighbours correlated, as a merged mode of two motions does. If the direction of
+    the likeliest motion is uncertain, and no other motion is possible, other directions are tried,
+    too.
+    """
+    of_plane = _other_of_plane(fit)
+    pool = [refit_general_motion(matches, start) for start in candidates]
+    z_score = max(fit.neighbours.z_score, GATE_SIGMA)
+    likely = [each for each in _unless_near(of_plane, pool) if each.neighbours.z_score <= z_score]
+    best = max([fit, *likely], key=lambda each: each.log_evidence)
+    if best is not fit:
+        of_plane = _other_of_plane(best)
+    if of_plane is not None:
+        best, of_plane = _likelier_of_plane(best, of_plane)
+    limit = -fit.matches.tempering * math.log(rate)
+    others = [_alternative(best, each) for each in _unless_near(of_plane, [fit, *pool])]
+    others = [of_plane, *others] if of_plane is not None else others
+    possible = [each for each in others if each.log_ratio < limit]
+    apart = [each for each in possible if not each.is_nearby(best)]
+    if not apart and _has_uncertain_direction(best):
+        apart = [*_in_other_direction(best, pure_rotation().R_cam1_from_cam0, limit)]
+    nearest = min(apart, key=lambda each: each.log_ratio, default=None)
+    if nearest is None and of_plane is not None and of_plane.log_ratio < limit:
+        nearest = of_plane
+    return Posterior(best, nearest, of_plane)
+
+
+def _unless_near(other: Alternative | None, pool: list[GeneralMotionFit]) -> list[GeneralMotionFit]:
+    """The motions of a pool that are not near the other motion of a plane."""
+    return pool if other is None else [each for each in pool if _cosine(each, other) < COS_NEARBY]
+
+
+def _alternative(best: GeneralMotionFit, other: GeneralMotionFit) -> Alternative:
+    """Another motion of the pool, with its log ratio.
+
+    The ratio is infinite if most points would lie behind the cameras: the refinement of a candidate
+    has reached the epipolar lines of the likeliest motion, with the opposite direction.
+    """
+    log_ratio = max(best.log_evidence - other.log_evidence, 0.0)
+    return Alternative(
+        other.R_cam1_from_cam0,
+        other.direction_cam1_from_cam0,
+        log_ratio if other.sign_log_odds > 0.0 else math.inf,
+        SECONDARY,
+    )
+
+
+def _has_uncertain_direction(fit: GeneralMotionFit) -> bool:
+    """Whether a fit shows a direction that is so uncertain that there may be another mode."""
+    sigma = direction_sigma(general_motion_covariance(fit))
+    return fit.shows_direction and LINEAR_DIRECTION_SIGMA < sigma < MAX_DIRECTION_SIGMA
+
+
+def _in_other_direction(
+    fit: GeneralMotionFit, R_pure_rotation: np.ndarray, limit: float
+) -> Iterator[Alternative]:
+    """The likeliest mode in another direction, if its log ratio is below the limit.
+
+    The ratio is that of the residuals alone: the prior of the parallax was estimated with the fit,
+    and draws other motions to it. Two modes that exchange translation and rotation have the pure
+    rotation half-way between them, so the search starts there.
+    """
+    pose, mode = packed_pose(fit), _empty_pose()
+    log_ratio = likeliest_other_mode(_packed(fit, MAX_SEARCHED), pose, R_pure_rotation, mode)
+    if log_ratio < UNDECIDED_LOG_RATIO and len(fit.matches) > MAX_SEARCHED:
+        log_ratio = compare_with_mode(_packed(fit, UNDECIDED_MATCHES), pose, mode)
+    if log_ratio < limit:
+        yield Alternative(mode.R, mode.t, max(log_ratio, 0.0), SECONDARY)
+
+
+def _cosine(one: Alternative | GeneralMotionFit, other: Alternative | GeneralMotionFit) -> float:
+    """Cosine of the angle between the directions of two motions."""
+    return float(one.direction_cam1_from_cam0 @ other.direction_cam1_from_cam0)
+
+
+def _other_of_plane(fit: GeneralMotionFit) -> Alternative | None:
+    """The second motion of a plane, with the log ratio by relief, if a plane explains the matches.
+
+    The ratio is negative if the relief favours the second motion.
+    """
+    if not fit.is_planar:
+        return None
+    pose, other, has_given_noise = packed_pose(fit), _empty_pose(), fit.matches.misspecification > 1
+    competes, log_ratio = other_motion(_packed(fit, MAX_SEARCHED), pose, other, has_given_noise)
+    if competes and log_ratio < UNDECIDED_LOG_RATIO and len(fit.matches) > MAX_SEARCHED:
+        some = _packed(fit, UNDECIDED_MATCHES)
+        competes, log_ratio = other_motion(some, pose, other, has_given_noise)
+    return Alternative(other.R, other.t, log_ratio, PLANE) if competes else None
+
+
+def _packed(fit: GeneralMotionFit, most: int) -> PackedMatches:
+    """At most ``most`` evenly spaced matches in the format of the kernels.
+
+    The soft cheirality penalty is switched off.
+    """
+    part = fit.matches.subsample(most)
+    return part.packed(part.weights(), soft_cheirality=False)
+
+
+def _empty_pose() -> Pose:
+    """Buffers in which the kernels return a pose."""
+    return Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
+
+
+def _likelier_of_plane(
+    fit: GeneralMotionFit, other: Alternative
+) -> tuple[GeneralMotionFit, Alternative]:
+    """The likelier and the less likely of the two motions of a plane.
+
+    If the noise may be misspecified and relief and evidence prefer different motions, both motions
+    are equally likely, and the motion with the larger evidence stays. The fit stays, too, if the
+    refinement of the other motion converges to it.
+    """
+    is_misspecified = fit.matches.tempering > 1.0
+    if other.log_ratio >= 0.0 and not is_misspecified:
+        return fit, other
+    found = refit_general_motion(
+        fit.matches, fit.at(other.R_cam1_from_cam0, other.direction_cam1_from_cam0)
+    )
+    if _cosine(found, fit) > _cosine(found, other):
+        return fit, other._replace(log_ratio=max(other.log_ratio, 0.0))
+    gain = found.log_evidence - fit.log_evidence
+    is_contradiction = is_misspecified and gain * other.log_ratio > 0.0
+    log_ratio = 0.0 if is_contradiction else abs(other.log_ratio)
+    if (gain if is_contradiction else -other.log_ratio) <= 0.0:
+        return fit, other._replace(log_ratio=log_ratio)
+    R, direction = fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0
+    return found, Alternative(R, direction, log_ratio, PLANE)
