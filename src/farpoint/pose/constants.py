@@ -250,8 +250,8 @@ MIN_INDEPENDENT_SHARE = 0.05
 SEARCH_NOISE_BOUND = 0.2
 
 # Least log-likelihood ratio of two motions to one, divided by the design effect. Measured: objects
-# with 0.2 to 0.4 of the matches have 2 to 30 (bench --tables scenes movers), a driving camera with a
-# rolling shutter up to 2.5. Held by tests/pose/test_two_motions.py (if doubled).
+# with 0.2 to 0.4 of the matches have 2 to 30 (bench --tables scenes movers), a driving camera with
+# a rolling shutter up to 2.5. Held by tests/pose/test_two_motions.py (if doubled).
 TWO_MOTIONS_MARGIN = 3.0
 
 # Least share of the matches that the dominant motion has. Chosen.
