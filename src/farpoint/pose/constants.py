@@ -126,6 +126,10 @@ LOG_RATIO_TEMPERING = 0.5
 # tests/pose/test_planar_scenes.py (if doubled).
 PLANE_TEMPERING = 0.3
 
+# Difference of the evidences of the two motions of a plane, over the root of the number of matches,
+# beyond which it is not by chance. Derived: the 95 % interval of a normal distribution.
+CHANCE_SIGMA = 2.0
+
 # Share of the covariance between two motions along the axis on which they differ. Chosen. Held by
 # tests/pose/test_posterior.py (if doubled).
 ALONG_DIFFERENCE_SHARE = 0.9

@@ -6,8 +6,8 @@ ratios are divided by the tempering of the matches.
 
 The two motions of a plane are the exception: their log likelihoods differ by chance, by about
 sqrt(N) for N matches, because each motion ignores the noise along its own epipolar lines. The
-relief of the plane decides between them. If the noise may be misspecified, so may be the relief,
-and the ratio counts only if the evidence agrees with it.
+relief of the plane decides between them, unless the evidences differ by more than by chance. If the
+noise may be misspecified, so may be the relief, and the ratio counts only if the evidence agrees.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from farpoint.geometry.sphere import tangent_basis
 from farpoint.pose.certainty import direction_sigma
 from farpoint.pose.constants import (
     ALONG_DIFFERENCE_SHARE,
+    CHANCE_SIGMA,
     COS_NEARBY,
     LINEAR_DIRECTION_SIGMA,
     LOG_RATIO_TEMPERING,
@@ -273,20 +274,19 @@ def _likelier_of_plane(
 ) -> tuple[GeneralMotionFit, Alternative]:
     """The likelier and the less likely of the two motions of a plane.
 
-    If the noise may be misspecified and relief and evidence prefer different motions, both motions
-    are equally likely, and the motion with the larger evidence stays. The fit stays, too, if the
-    refinement of the other motion converges to it.
+    If relief and evidence contradict each other, both motions are equally likely, and the motion
+    with the larger evidence stays. It is a contradiction if they prefer different motions, and the
+    noise may be misspecified or the evidence differs by more than by chance. The fit stays, too, if
+    the refinement of the other motion converges to it.
     """
-    is_misspecified = fit.matches.tempering > 1.0
-    if other.log_ratio >= 0.0 and not is_misspecified:
-        return fit, other
     found = refit_general_motion(
         fit.matches, fit.at(other.R_cam1_from_cam0, other.direction_cam1_from_cam0)
     )
     if _cosine(found, fit) > _cosine(found, other):
         return fit, other._replace(log_ratio=max(other.log_ratio, 0.0))
-    gain = found.log_evidence - fit.log_evidence
-    is_contradiction = is_misspecified and gain * other.log_ratio > 0.0
+    gain, chance = found.log_evidence - fit.log_evidence, math.sqrt(len(fit.matches))
+    is_decisive = fit.matches.tempering > 1.0 or abs(gain) > CHANCE_SIGMA * chance
+    is_contradiction = is_decisive and gain * other.log_ratio > 0.0
     log_ratio = 0.0 if is_contradiction else abs(other.log_ratio)
     if (gain if is_contradiction else -other.log_ratio) <= 0.0:
         return fit, other._replace(log_ratio=log_ratio)
