@@ -15,7 +15,13 @@ from farpoint.metrics import chi2_quantile
 from farpoint.pose.general_motion import GeneralMotionFit, fit_general_motion, log_densities
 from farpoint.pose.matches import Matches, matches_from_points
 from farpoint.pose.options import DEFAULTS
-from farpoint.pose.two_motions import TwoMotions, _entropy, _mixture, explain_by_two
+from farpoint.pose.two_motions import (
+    TwoMotions,
+    _entropy,
+    _log_likelihood,
+    _mixture,
+    explain_by_two,
+)
 from farpoint.synthetic import PointSceneOptions, make_point_scene
 from farpoint.synthetic.pairs import HardPair, court, smooth_errors, smooth_field, traffic
 
@@ -231,3 +237,17 @@ def test_the_matches_of_the_second_motion_are_left_out():
     assert two is not None
     assert isinstance(two.matches, Matches)
     assert len(two.matches) + two.following == 300
+
+
+def test_the_ratio_is_that_of_the_classification_likelihood():
+    """Mixture minus entropy minus Laplace's factors, over the design effect of one motion."""
+    fit, two = found_in(traffic(2, share=0.4, shift_px=6.0))
+    assert two is not None
+    assert two.second is not None
+    densities = (log_densities(fit.matches, each) for each in (two.fit, two.second))
+    responsibility, log_likelihood = _mixture(fit.matches, *densities)
+    laplace = two.fit.laplace_factor + two.second.laplace_factor
+    gain = log_likelihood - laplace - _log_likelihood(fit.matches, fit)
+    expected = (gain - _entropy(responsibility)) / fit.neighbours.design_effect
+    assert _entropy(responsibility) > 1.0
+    assert two.log_ratio == pytest.approx(expected, rel=1e-3)
