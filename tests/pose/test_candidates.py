@@ -54,7 +54,7 @@ def lost() -> Lost:
 
 
 def test_fewer_motions_are_lost(lost):
-    assert lost.rotations <= 0.8 * lost.of_the_search
+    assert lost.rotations < 0.7 * lost.of_the_search
 
 
 def test_hardly_any_is_lost_and_sure(lost):
@@ -62,7 +62,6 @@ def test_hardly_any_is_lost_and_sure(lost):
 
 
 LOST = (20, 49, 64, 80, 97, 146, 160, 178, 240, 267, 268, 279)
-DOUBTED = (7, 18, 162, 193, 197)
 
 
 def nees_of(pose: RelativePose, scene: PointScene) -> float:
@@ -70,14 +69,13 @@ def nees_of(pose: RelativePose, scene: PointScene) -> float:
     return float(error @ np.linalg.solve(pose.rotation_covariance, error))
 
 
-def test_a_few_near_points_show_a_motion_that_all_others_would_take_for_a_turn():
-    """As a turn it is 0.4 deg off, 30 times its sigma."""
-    scenes = [mostly_far(seed) for seed in LOST + DOUBTED]
+def test_few_near_points_show_a_motion_that_all_others_would_take_for_a_turn():
+    """As a turn it is 0.4 deg off, 30 times its sigma: so are 12 of 1000, 16 without a pool."""
+    scenes = [mostly_far(seed) for seed in range(1000, 1250)]
     poses = [estimate(scene) for scene in scenes]
-    shown = ["Pure rotation or" not in pose.reason for pose in poses]
-    assert np.count_nonzero(shown) >= len(scenes) - 2
-    held = [nees_of(*each) < 16.0 for each in zip(poses, scenes, strict=True)]
-    assert np.count_nonzero(held) >= len(scenes) - 2
+    assert sum("Pure rotation or" in pose.reason for pose in poses) <= 6
+    assert sum(nees_of(*each) > 16.0 for each in zip(poses, scenes, strict=True)) <= 6
+    assert sum(pose.status is PoseStatus.OK for pose in poses) >= 225
 
 
 def test_the_search_alone_overlooks_it():

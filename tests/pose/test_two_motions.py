@@ -168,15 +168,13 @@ def test_the_noise_is_that_of_one_motion():
 
 def test_repeated_windows_with_a_common_motion_are_a_second_motion():
     """Half of the matches are of another window, and the likeliest motion lies between."""
-    far_off = alone = 0
-    for seed in range(60):
+    far_off = 0
+    for seed in range(240):
         scene = court(seed, matches=500, repeated=0.5, whole=True)
         pose = estimate(scene)
         assert pose.rotation_cam1_from_cam0 is not None
         far_off += off_deg(pose.rotation_cam1_from_cam0, scene) > 1.0
-        fit = fit_of(scene.points0, scene.points1, scene.camera)
-        alone += off_deg(fit.R_cam1_from_cam0, scene) > 1.0
-    assert far_off <= 0.7 * alone
+    assert far_off <= 30  # of the likeliest single motion, 54 are
 
 
 def test_many_samples_may_be_asked_for():

@@ -1,8 +1,9 @@
 """The likeliest of all candidate motions, and what else the matches allow.
 
 The evidence of a motion (`GeneralMotionFit.log_evidence`) is the log likelihood of all matches with
-Laplace's factor, the sign of the direction, and a tempered prior of the parallax. Log-likelihood
-ratios are divided by the tempering of the matches.
+Laplace's factor, the sign of the direction, and a tempered prior of the parallax. The log ratio of
+two motions is the difference of their evidences plus the log ratio by residuals alone, divided by
+the tempering of the matches.
 
 The two motions of a plane are the exception: their log likelihoods differ by chance, by about
 sqrt(N) for N matches, because each motion ignores the noise along its own epipolar lines. The
@@ -174,7 +175,9 @@ def compare_motions(
     pool = [refit_general_motion(matches, start) for start in candidates]
     z_score = max(fit.neighbours.z_score, GATE_SIGMA)
     likely = [each for each in _unless_near(of_plane, pool) if each.neighbours.z_score <= z_score]
-    best = max([fit, *likely], key=lambda each: each.log_evidence)
+    best = fit
+    for each in likely:
+        best = each if _log_ratio(best, each) < 0.0 else best
     if best is not fit:
         of_plane = _other_of_plane(best)
     if of_plane is not None:
@@ -197,13 +200,29 @@ def _unless_near(other: Alternative | None, pool: list[GeneralMotionFit]) -> lis
     return pool if other is None else [each for each in pool if _cosine(each, other) < COS_NEARBY]
 
 
+def _log_ratio(one: GeneralMotionFit, other: GeneralMotionFit) -> float:
+    """Log ratio of two motions: difference of their evidences, plus log ratio by residuals alone.
+
+    The evidence has the prior of the parallax, which is estimated with each motion and so favours
+    motions that leave little parallax. The residuals alone, with a uniform prior, do not. The
+    tempering exponent of 1/2 in `Alternative.probability` makes a mean of the sum of both.
+    """
+    difference = one.log_evidence - other.log_evidence
+    if _cosine(one, other) > COS_NEARBY:
+        return difference
+    mode, pose = _empty_pose(), packed_pose(one)
+    mode.R[:], mode.t[:] = other.R_cam1_from_cam0, other.direction_cam1_from_cam0
+    by_residuals = compare_with_mode(_packed(one, UNDECIDED_MATCHES), pose, mode)
+    return difference + (by_residuals if math.isfinite(by_residuals) else 0.0)
+
+
 def _alternative(best: GeneralMotionFit, other: GeneralMotionFit) -> Alternative:
     """Another motion of the pool, with its log ratio.
 
     The ratio is infinite if most points would lie behind the cameras: the refinement of a candidate
     has reached the epipolar lines of the likeliest motion, with the opposite direction.
     """
-    log_ratio = max(best.log_evidence - other.log_evidence, 0.0)
+    log_ratio = max(_log_ratio(best, other), 0.0)
     return Alternative(
         other.R_cam1_from_cam0,
         other.direction_cam1_from_cam0,

@@ -93,8 +93,8 @@ class TwoMotions(NamedTuple):
                 "with the camera, as dirt on its lens does."
             )
         return (
-            f"Independently moving object: {self.following} matches follow a second motion, with "
-            "independent residuals."
+            f"Independently moving object or repeated structure: {self.following} matches follow "
+            "another motion than that of the camera."
         )
 
 
