@@ -23,16 +23,6 @@ def estimate(scene: PointScene, **arguments) -> RelativePose:
     return estimate_relative_pose(scene.points0, scene.points1, scene.camera, **arguments)
 
 
-def smooth_field(
-    seed: int, points: np.ndarray, size_px: float = 0.4, reach_px: float = 80.0
-) -> np.ndarray:
-    """Errors (N, 2), px, of this 1-sigma that change smoothly over the image."""
-    rng = np.random.default_rng(seed)
-    waves = 40
-    phase = points @ rng.normal(0.0, 1.0 / reach_px, (2, waves)) + rng.uniform(0.0, 6.3, waves)
-    return np.cos(phase) @ rng.normal(0.0, size_px * np.sqrt(2.0 / waves), (waves, 2))
-
-
 def rotation_error(pose: RelativePose, R_true: np.ndarray) -> np.ndarray:
     """``dtheta`` (3,) with ``R_true = Exp(dtheta) @ R_est``."""
     assert pose.rotation_cam1_from_cam0 is not None

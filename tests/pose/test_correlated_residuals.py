@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from pose_kit import assert_sound, direction_error, rotation_error, smooth_field
+from pose_kit import assert_sound, direction_error, rotation_error
 
 from farpoint import (
     Camera,
@@ -18,6 +18,7 @@ from farpoint.geometry import sphere
 from farpoint.metrics import chi2_quantile
 from farpoint.pose import correlated_residuals, two_views
 from farpoint.synthetic import PointScene, RenderedSequence, make_point_scene, street_drive
+from farpoint.synthetic.pairs import smooth_field
 from farpoint.synthetic.points import PointSceneOptions
 
 CAMERA = Camera.pinhole(640, 480, 500.0, 500.0, 319.5, 239.5)

@@ -10,7 +10,7 @@ from farpoint.bench.table import Cell, Column
 from farpoint.metrics import Consistency, PairErrors, consistency, pair_errors
 from farpoint.pose import RelativePose
 
-__all__ = ["CONSISTENCY_COLUMNS", "consistency_cells", "pose_errors"]
+__all__ = ["CONSISTENCY_COLUMNS", "consistency_cells", "coverage_cells", "pose_errors"]
 
 CONSISTENCY_COLUMNS = tuple(
     column
@@ -46,6 +46,13 @@ def consistency_cells(errors: PairErrors) -> tuple[Cell, ...]:
     pose = consistency(errors.errors, errors.covariances)
     rotation = consistency(errors.errors[:, :3], errors.covariances[:, :3, :3])
     return (*_cells(pose), *_cells(rotation))
+
+
+def coverage_cells(found: Consistency) -> tuple[Cell, ...]:
+    """Share of the 95 % regions that contain the truth, and 95 % interval of this share."""
+    if not found.count:
+        return None, None, None
+    return found.coverage95.share, found.coverage95.low, found.coverage95.high
 
 
 def _or_nan(values: np.ndarray | None, *shape: int) -> np.ndarray:

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from farpoint.bench.accuracy import ERROR_COLUMNS, error_cells, errors_of
-from farpoint.bench.consistency import pose_errors
+from farpoint.bench.consistency import coverage_cells, pose_errors
 from farpoint.bench.estimators import all_estimators
 from farpoint.bench.interleaved import run_interleaved
 from farpoint.bench.options import BenchOptions, Progress
@@ -155,5 +155,4 @@ def _coverage(views: list[TwoViews], seed: int) -> tuple[Cell, ...]:
         np.array([v.rotation_cam1_from_cam0 for v in views]),
         np.array([v.translation_cam1_from_cam0 for v in views]),
     )
-    found = consistency(errors.errors, errors.covariances).coverage95
-    return found.share, found.low, found.high
+    return coverage_cells(consistency(errors.errors, errors.covariances))

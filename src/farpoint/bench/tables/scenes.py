@@ -7,14 +7,14 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from farpoint.bench.accuracy import ERROR_COLUMNS, GROSS_DIRECTION_DEG, error_cells, errors_of
-from farpoint.bench.consistency import pose_errors
+from farpoint.bench.consistency import coverage_cells, pose_errors
 from farpoint.bench.estimators import all_estimators
 from farpoint.bench.interleaved import run_interleaved
 from farpoint.bench.options import BenchOptions, Progress
 from farpoint.bench.table import Cell, Column, Table
 from farpoint.bench.views import TwoViews, views_of_scene
 from farpoint.geometry import sphere
-from farpoint.metrics import Consistency, consistency
+from farpoint.metrics import consistency
 from farpoint.pose import RelativePose, estimate_relative_pose
 from farpoint.synthetic.pairs import KINDS
 
@@ -126,13 +126,6 @@ def _own_cells(views: list[TwoViews], seed: int) -> tuple[Cell, ...]:
     errors, covariances = found.errors, found.covariances
     return (
         count_sure_and_wrong(poses, views),
-        *_coverage(consistency(errors[:, :3], covariances[:, :3, :3])),
-        *_coverage(consistency(errors, covariances)),
+        *coverage_cells(consistency(errors[:, :3], covariances[:, :3, :3])),
+        *coverage_cells(consistency(errors, covariances)),
     )
-
-
-def _coverage(found: Consistency) -> tuple[Cell, ...]:
-    """Share of the 95 % regions that contain the truth, and 95 % interval of this share."""
-    if not found.count:
-        return None, None, None
-    return found.coverage95.share, found.coverage95.low, found.coverage95.high
