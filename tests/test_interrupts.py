@@ -19,7 +19,6 @@ def inverse(a):
 
 def compile_function():
     inverse(np.eye(3))
-    print("compiled", len(inverse.signatures), flush=True)
     time.sleep(60.0)
 
 import numpy as np
@@ -41,14 +40,15 @@ with interruptible():
     try:
         compile_function()
     except KeyboardInterrupt:
-        print("interrupted", flush=True)
+        print("interrupted with", len(inverse.signatures), "compiled", flush=True)
 """
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_during_a_compilation_waits_for_its_end(number: signal.Signals):
     code, out, errors = run(COMPILE.replace("NUMBER", str(int(number))), number)
-    assert (code, out) == (0, "compiled 1\ninterrupted\n"), errors
+    # The signal may come at once after the compilation, in the middle of any output.
+    assert (code, out) == (0, "interrupted with 1 compiled\n"), errors
 
 
 DESTROY = """
