@@ -11,6 +11,7 @@ from pose_kit import estimate, point_scene, rotation_error
 from farpoint import PoseStatus, RelativePose, RelativePoseOptions
 from farpoint.geometry import so3
 from farpoint.pose.candidates import candidate_motions
+from farpoint.pose.far_rotation import far_rotation
 from farpoint.pose.general_motion import GeneralMotionFit, fit_general_motion, refit_general_motion
 from farpoint.pose.matches import matches_from_points
 from farpoint.synthetic import PointScene
@@ -104,3 +105,13 @@ def test_wrong_matches_make_no_motion_of_a_turn():
 
 def test_a_plain_motion_has_no_candidates():
     assert [len(candidates_of(fit_of(point_scene(seed)))) for seed in range(5)] == [0] * 5
+
+
+def test_the_closed_form_of_2008_is_a_candidate():
+    """The rotation of the far points, and the epipole of the flow of the near points."""
+    for seed in range(5):
+        scene = mostly_far(seed)
+        fit = fit_of(scene)
+        far = far_rotation(fit.matches, TOLERANCE, np.zeros(1, np.uint64)).R_cam1_from_cam0
+        apart = [so3.angle_between(each.R_cam1_from_cam0, far) for each in candidates_of(fit)]
+        assert min(apart) < 5e-4  # each search draws other samples

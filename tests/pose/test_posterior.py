@@ -124,14 +124,9 @@ def test_the_prior_of_the_parallax_counts_for_few_matches(fit):
 
 
 def test_a_motion_with_most_points_behind_the_cameras_is_unlikely(fit):
-    """The refinement of a candidate may end at the opposite direction."""
     assert replace(fit, sign_log_odds=-100.0).log_evidence == pytest.approx(
         fit.log_evidence - 100.0
     )
-    behind = replace(fit, direction_cam1_from_cam0=-fit.direction_cam1_from_cam0, sign_log_odds=-1)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("farpoint.pose.posterior.refit_general_motion", lambda *_: behind)
-        assert compared(fit, fit).alternative is None
 
 
 def test_the_covariance_by_another_rotation_is_largest_about_the_axis_between_them(fit):

@@ -217,18 +217,9 @@ def _log_ratio(one: GeneralMotionFit, other: GeneralMotionFit) -> float:
 
 
 def _alternative(best: GeneralMotionFit, other: GeneralMotionFit) -> Alternative:
-    """Another motion of the pool, with its log ratio.
-
-    The ratio is infinite if most points would lie behind the cameras: the refinement of a candidate
-    has reached the epipolar lines of the likeliest motion, with the opposite direction.
-    """
-    log_ratio = max(_log_ratio(best, other), 0.0)
-    return Alternative(
-        other.R_cam1_from_cam0,
-        other.direction_cam1_from_cam0,
-        log_ratio if other.sign_log_odds > 0.0 else math.inf,
-        SECONDARY,
-    )
+    """Another motion of the pool, with its log ratio."""
+    R, direction = other.R_cam1_from_cam0, other.direction_cam1_from_cam0
+    return Alternative(R, direction, max(_log_ratio(best, other), 0.0), SECONDARY)
 
 
 def _has_uncertain_direction(fit: GeneralMotionFit) -> bool:
