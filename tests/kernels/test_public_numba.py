@@ -118,5 +118,5 @@ def test_plain_functions_among_the_kernels_call_none_either():
 def test_kernels_for_python_let_go_of_the_interpreter():
     motion = import_module("farpoint._kernels.motion")
     assert motion._search.targetoptions["nogil"]
-    window = import_module("farpoint.path.kernels.window")
-    assert window.locate.targetoptions["nogil"]
+    resection = import_module("farpoint.path.kernels.resection")
+    assert resection.locate.targetoptions["nogil"]

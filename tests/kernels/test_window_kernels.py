@@ -7,7 +7,8 @@ import numpy as np
 from farpoint.geometry import so3
 from farpoint.path.constants import UNSEEN_PX
 from farpoint.path.kernels.cholesky import eliminate_points, point_variances
-from farpoint.path.kernels.window import gather_information, locate, point_steps, robust_cost
+from farpoint.path.kernels.information import gather_information, point_steps, robust_cost
+from farpoint.path.kernels.resection import locate
 
 NOISE = np.array([0.5, 0.5, 1e-3, 1.3])
 DOF = 5.0

@@ -82,19 +82,7 @@ def open_frames(
     >>> for frame in open_frames("drive.mp4"):  # doctest: +SKIP
     ...     print(frame.timestamp, frame.image.shape)
     """
-    if not (math.isfinite(max_megapixels) and max_megapixels > 0):
-        raise InputError(
-            f"expected a positive number, got {max_megapixels}", field="max_megapixels"
-        )
-    if fps is not None and not 1.0 / _MOST_FPS <= fps <= _MOST_FPS:
-        raise InputError(
-            f"expected {1.0 / _MOST_FPS:g} to {_MOST_FPS:g} frames a second, got {fps}", field="fps"
-        )
-    # Path would take "" for the current folder, and True is an int.
-    if not isinstance(source, str | Path | int) or isinstance(source, bool) or source == "":
-        raise InputError(
-            f"expected a file, folder, pattern, camera index or URL, got {source!r}", field="source"
-        )
+    _check(source, fps, max_megapixels)
     if isinstance(source, int):
         return open_device(source)
     try:
@@ -117,6 +105,22 @@ def open_frames(
     if topic is not None and not isinstance(opened, BagImages):
         raise InputError(f"{topic}: only a bag has topics", file=source, field="topic")
     return _limited(opened, max_megapixels)
+
+
+def _check(source: str | Path | int, fps: float | None, max_megapixels: float) -> None:
+    if not (math.isfinite(max_megapixels) and max_megapixels > 0):
+        raise InputError(
+            f"expected a positive number, got {max_megapixels}", field="max_megapixels"
+        )
+    if fps is not None and not 1.0 / _MOST_FPS <= fps <= _MOST_FPS:
+        raise InputError(
+            f"expected {1.0 / _MOST_FPS:g} to {_MOST_FPS:g} frames a second, got {fps}", field="fps"
+        )
+    # Path would take "" for the current folder, and True is an int.
+    if not isinstance(source, str | Path | int) or isinstance(source, bool) or source == "":
+        raise InputError(
+            f"expected a file, folder, pattern, camera index or URL, got {source!r}", field="source"
+        )
 
 
 def _limited(opened: FrameSource, max_megapixels: float) -> FrameSource:

@@ -16,7 +16,7 @@ from farpoint.path.constants import (
     STALE_LENS_PX,
     UNKNOWN_READOUT_SIGMA,
 )
-from farpoint.path.kernels.window import by_sigmas
+from farpoint.path.kernels.projection import by_sigmas
 from farpoint.path.options import LensRefinementOptions
 
 __all__ = ["LensEstimate", "LensReport", "given_lens", "with_prior"]

@@ -13,7 +13,7 @@ from farpoint.geometry.vectors import cross
 from farpoint.path.constants import RESIDUAL_INFLATIONS
 from farpoint.path.history import TrackObservations
 from farpoint.path.information import inverse
-from farpoint.path.kernels.window import locate
+from farpoint.path.kernels.resection import locate
 from farpoint.path.residuals import clear_unseen
 from farpoint.path.window import Window
 
@@ -92,7 +92,7 @@ def locate_frame(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Points:
-    """Landmarks in a frame, one row for each; see `farpoint.path.kernels.window.locate`.
+    """Landmarks in a frame, one row for each; see `farpoint.path.kernels.resection.locate`.
 
     ``rows`` are rows of the window's landmarks. ``since`` is the last observation of each landmark
     by a keyframe.

@@ -17,12 +17,8 @@ import numpy as np
 from farpoint.path.constants import PATCHES_PER_IMAGE
 from farpoint.path.information import System
 from farpoint.path.kernels.cholesky import eliminate_points
-from farpoint.path.kernels.window import (
-    expected_rays,
-    gather_information,
-    pixel_residuals,
-    robust_cost,
-)
+from farpoint.path.kernels.information import gather_information, robust_cost
+from farpoint.path.kernels.projection import expected_rays, pixel_residuals
 from farpoint.path.keyframe import Keyframe
 from farpoint.path.landmarks import Landmarks
 from farpoint.path.lens import LensEstimate

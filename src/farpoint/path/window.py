@@ -35,7 +35,7 @@ from farpoint.path.constants import (
 from farpoint.path.history import TrackObservations
 from farpoint.path.information import System, inverse, solution
 from farpoint.path.kernels.cholesky import point_variances
-from farpoint.path.kernels.window import point_steps
+from farpoint.path.kernels.information import point_steps
 from farpoint.path.keyframe import Keyframe
 from farpoint.path.landmarks import Landmarks
 from farpoint.path.lens import LensEstimate
