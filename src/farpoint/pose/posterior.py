@@ -1,9 +1,9 @@
 """The likeliest of all candidate motions, and what else the matches allow.
 
 The evidence of a motion (`GeneralMotionFit.log_evidence`) is the log likelihood of all matches with
-Laplace's factor, the sign of the direction, and a tempered prior of the parallax. The log ratio of
-two motions is the difference of their evidences plus the log ratio by residuals alone, divided by
-the tempering of the matches.
+Laplace's factor, the sign of the direction, and a tempered prior of the parallax. The motion with
+the largest evidence is taken. The log ratio to another motion is the difference of the evidences
+plus the log ratio by residuals alone, divided by the tempering of the matches.
 
 The two motions of a plane are the exception: their log likelihoods differ by chance, by about
 sqrt(N) for N matches, because each motion ignores the noise along its own epipolar lines. The
@@ -175,9 +175,7 @@ def compare_motions(
     pool = [refit_general_motion(matches, start) for start in candidates]
     z_score = max(fit.neighbours.z_score, GATE_SIGMA)
     likely = [each for each in _unless_near(of_plane, pool) if each.neighbours.z_score <= z_score]
-    best = fit
-    for each in likely:
-        best = each if _log_ratio(best, each) < 0.0 else best
+    best = max([fit, *likely], key=lambda each: each.log_evidence)
     if best is not fit:
         of_plane = _other_of_plane(best)
     if of_plane is not None:
@@ -210,9 +208,8 @@ def _log_ratio(one: GeneralMotionFit, other: GeneralMotionFit) -> float:
     difference = one.log_evidence - other.log_evidence
     if _cosine(one, other) > COS_NEARBY:
         return difference
-    mode, pose = _empty_pose(), packed_pose(one)
-    mode.R[:], mode.t[:] = other.R_cam1_from_cam0, other.direction_cam1_from_cam0
-    by_residuals = compare_with_mode(_packed(one, UNDECIDED_MATCHES), pose, mode)
+    mode = Pose(*(each.copy() for each in packed_pose(other)))
+    by_residuals = compare_with_mode(_packed(one, UNDECIDED_MATCHES), packed_pose(one), mode)
     return difference + (by_residuals if math.isfinite(by_residuals) else 0.0)
 
 
