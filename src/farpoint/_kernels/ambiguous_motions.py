@@ -41,15 +41,15 @@ def second_planar_motion(
 ) -> bool:
     """Second motion of a plane through the matches; False if there is no second motion.
 
-    The plane ``n . X = 1`` (camera 0, unit of the translation) is fitted to the inverse depths ``n
-    . a`` of the matches. With ``tau = R^T t`` the homography of the plane is ``R (I + tau n^T)``. A
-    second motion has the same homography: its rotation is R times that of the quaternion ``(2 + n .
-    tau, n x tau)``, its direction is ``R (2 n + n . n tau)``, and its plane normal is along ``n + 2
-    tau``. For small motions, the second motion has the translation along the first normal and the
-    normal along the first translation (Longuet-Higgins, Proc. R. Soc. B 223, 1984, DOI
-    10.1098/rspb.1984.0088; relations of Malis and Vargas, INRIA RR-6303, 2007). The plane must be
-    in front of the camera. If most matches lie behind the camera, the signs of plane and direction
-    are reversed. Matches with a residual beyond ``gate`` are left out.
+    The plane ``n . X = 1`` (camera 0, unit of the translation) has the inverse depth ``n . a``
+    along a ray a, and is fitted to those of the matches. With ``tau = R^T t`` the homography of the
+    plane is ``R (I + tau n^T)``. A second motion has the same homography: its rotation is R times
+    that of the quaternion ``(2 + n . tau, n x tau)``, its direction is ``R (2 n + n . n tau)``, and
+    its plane normal is along ``n + 2 tau``. For small motions, the second motion has the
+    translation along the first normal and the normal along the first translation (Longuet-Higgins,
+    Proc. R. Soc. B 223, 1984, DOI 10.1098/rspb.1984.0088; relations of Malis and Vargas, INRIA
+    RR-6303, 2007). If the second plane is behind the camera for most matches, the signs of its
+    normal and of the direction are reversed. Matches with a residual beyond ``gate`` are left out.
     """
     inverse, accuracy, n = np.empty(count), np.empty(count), np.empty(3)
     direction = vector(t)

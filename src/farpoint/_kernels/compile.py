@@ -36,9 +36,9 @@ SHARED_KERNELS = Path(__file__).parent
 def forget_stale(folder: Path, *called: Path) -> None:
     """Remove compiled code of ``folder`` that is older than a source file on which it may depend.
 
-    These source files are in ``folder``, and in the folders or among the files ``called``. numba
-    checks only the file of a kernel itself, not the files of the kernels that this kernel calls.
-    After a ``git pull``, old and new kernels would therefore call each other.
+    The source files are those in ``folder`` and those of ``called``, which lists folders and files.
+    numba checks only the file of a kernel itself for changes, not the files of the kernels that
+    this kernel calls. After a ``git pull``, old and new kernels would therefore call each other.
     """
     sources = (
         source

@@ -1,9 +1,9 @@
 """Every number of the kernels that has a name: unit, meaning and origin.
 
-Origin is "derived" (from what), "convention", "measured" (by what), or "chosen" where nothing more
-is known. Packages above import from here what is the same number there; a number of the kernels of
-one package only is in that package. A NumPy integer is an argument of kernels: numba would compile
-them again for a literal.
+The origin is "derived" (from what), "convention", "measured" (by what), or "chosen" if no other
+origin is known. Packages above this one import shared numbers from here. A number that only the
+kernels of one package use is in that package. A constant that is a NumPy integer is an argument of
+kernels: for a literal, numba would compile these kernels again.
 """
 
 from __future__ import annotations

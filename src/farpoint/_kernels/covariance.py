@@ -51,7 +51,7 @@ def covariance_here(
     weight of the scatter grows with the effective number of matches. The function returns whether
     at least a share ``least`` of the Gauss-Newton matrix is signal, along every axis. If this share
     is not reached and the flow is not shrunk, ``out`` is infinite. ``out`` is also infinite if the
-    matches determine no pose, or if all labels are uncertain.
+    matches determine no pose, or if the mixture components of all matches are uncertain.
     """
     normal, noise, spare = np.empty((6, 6)), np.empty((5, 5)), np.empty((5, 5))
     scatter, variance, whole = np.empty((5, 5)), np.empty((5, 5)), np.empty((5, 5))
@@ -100,11 +100,10 @@ def _scatter_weight(effective: float) -> float:
 def _estimated_noise_factor(inliers: float, effective: float) -> float:
     """Factor on the information for the estimated noise variance and the estimated scatter.
 
-    Because the noise variance is estimated, the information is divided by
-    `finite_sample_inflation`. Because the scatter is estimated, too, a second term is added to the
-    inverse of the factor: the relative variance of the scatter times the squared weight of the
-    scatter. Along one axis, the scatter is an estimate from n = effective / `POSE_PARAMETERS`
-    matches, with the relative variance 2 / n.
+    The factor is the inverse of `finite_sample_inflation`, because the noise variance is estimated,
+    minus a second term, because the scatter is estimated, too. The second term is the relative
+    variance of the scatter times the squared weight of the scatter. Along one axis, the scatter is
+    an estimate from n = effective / `POSE_PARAMETERS` matches, with the relative variance 2 / n.
     """
     scatter_weight = _scatter_weight(effective)
     scattered = (
@@ -229,8 +228,8 @@ def _mean_excess(
     """Mean excess ``out`` (5, 5) over a ``covariance`` at the poses moved by plus or minus a step.
 
     The rows of ``steps`` (5, 5) are the steps, one for each principal axis. The two poses of an
-    axis are weighted by their likelihoods, which are averaged over nearby poses. If there is not
-    enough signal at a pose, its covariance is taken as ``1 + MAX_EXCESS`` times ``covariance``.
+    axis are weighted by their likelihoods, which are averaged over nearby poses. Without enough
+    signal at a pose, its covariance is 1 + `MAX_COVARIANCE_EXCESS` times ``covariance``.
     """
     back = np.empty(5)
     clear(out)

@@ -73,9 +73,9 @@ def design_effect(pairs: np.ndarray, residual: np.ndarray, rows: np.ndarray, sig
     """Variance of sums of residuals, divided by that of independent residuals (Kish's deff).
 
     The image has 16 parts, and S is the sum of the n residuals of a part. If residuals are
-    independent, the sum of ``S^2 / n`` over all parts has the expectation 16 - 5 times the mean
-    squared residual. 5 is the number of degrees of freedom of the pose (Kish, "Survey Sampling",
-    1965). Only the matches in ``rows`` count.
+    independent, the sum of ``S^2 / n`` over all parts has the expectation ``(16 - 5)`` times the
+    mean squared residual, because the pose has 5 degrees of freedom. The result is the sum divided
+    by this expectation (Kish, "Survey Sampling", 1965). Only the matches in ``rows`` count.
     """
     parts, sums, sizes = _parts(pairs, rows), np.empty(IMAGE_PARTS), np.empty(IMAGE_PARTS)
     clear(sums)

@@ -80,8 +80,8 @@ def sampson_jacobian(
 ) -> tuple[float, float, float, float, float, float]:
     """Full derivative of the residual by ``[dtheta (3), dbeta (2)]``, and the residual itself.
 
-    The derivative is ``dr = (de - f dg / 2) / sqrt(g)`` with ``f = e / g`` and
-    ``dg / 2 = w . dq + z . dn``, where dq includes the rotation of ``S_a`` with R.
+    The derivative is ``dr = (de - f dg / 2) / sqrt(g)`` with ``f = e / g`` and ``dg / 2 = w . dq +
+    z . dn`` (w, z: `_constraint`), where dq includes the rotation of ``S_a`` with R.
     """
     m, b, q, w, z, e, g = _constraint(pairs, at, R, t)
     inv = 1.0 / math.sqrt(g)
@@ -96,8 +96,8 @@ def flow_along(m: Vector, b: Vector, t: Vector) -> tuple[float, float]:
     """Signed flow from ``m`` to ``b`` along the great circle towards ``t``, and the squared sine of
     the angle between ``m`` and ``t``.
 
-    With ``a = t - (m . t) m`` the flow is ``b . a`` and the squared sine is ``a . a``. The flow is
-    therefore multiplied by the sine.
+    With ``a = t - (m . t) m`` the flow is ``b . a`` and the squared sine is ``a . a``. A short flow
+    is therefore the angle from ``m`` to ``b`` times the sine.
     """
     reach = dot(m, t)
     return fma(-reach, dot(m, b), dot(b, t)), fma(-reach, reach, 1.0)

@@ -65,9 +65,8 @@ def count_beyond_rotation(
 
     ``inlier`` (N,) is 1 or 0, and ``distance`` is in units of the noise. Three rotations are
     tested: ``R``, ``other_R``, and the least-squares rotation, which is one step from ``R``. The
-    rotation with the most inliers within the distance is used. In the least-squares rotation, flow
-    that a translation had absorbed is explained by the rotation again, but this rotation is not
-    robust to outliers.
+    rotation with the most inliers within the distance is used. The least-squares rotation also
+    explains flow that ``R`` leaves to a translation, but is not robust to outliers.
     """
     step, nearest = np.empty(3), np.empty((3, 3))
     H, g, sums, mixture = np.empty((3, 3)), np.empty(3), np.empty(4), np.empty(3)

@@ -186,9 +186,9 @@ def iterations_needed(
 ) -> int:
     """Number of five-ray samples until the right mode is found with the budget's confidence.
 
-    50 % of the samples are drawn only from the matches that are consistent with a mode, a share
-    ``known`` of all matches. The inlier share among these matches is the inlier share of the best
-    pose divided by ``known``, if this quotient exceeds chance.
+    50 % of the samples are drawn only from the matches consistent with a mode (a share ``known`` of
+    all). Their inlier share is that of the best pose divided by ``known``, and less if that of the
+    best pose is below `RELATED_CONSENSUS`: the best pose may be unrelated to the right pose.
 
     The number is ``log((1 - confidence) / failure) / log(1 - hit)``. ``failure`` is the probability
     that the initial pose leads to a wrong mode. ``failure`` grows with the ``outlier_share`` and

@@ -76,8 +76,8 @@ def refine(matches: PackedMatches, steps: int, pose: Pose) -> None:
 def _add_laplace_factor(matches: PackedMatches, pose: Pose) -> None:
     """Add the `laplace_factor` to the cost of a pose.
 
-    A pose with hardly any inliers is not likelier than uniform outliers alone, even if matches of
-    repeated structure lie near the epipolar lines of the pose.
+    The cost of a pose with hardly any inliers is at least that of uniform outliers alone. Otherwise
+    matches of repeated structure near the epipolar lines could lower the cost.
     """
     pose.cost[0] += laplace_factor(pose.normal)
     if not _has_inliers(pose):
@@ -106,9 +106,9 @@ def initial_noise(
 ) -> None:
     """Initial noise parameters of EM: those of the best pose, or those of `default_noise`.
 
-    The parameters of the best pose are used if its inliers outnumber the matches of a sample. The
-    variance is at most that of `default_noise`. At a wrong local minimum all matches count as
-    inliers with a large variance, and from such a variance EM does not converge to another minimum.
+    The parameters of the best pose are used if the pose has more than `CHANCE_MATCHES` inliers and
+    a smaller variance than `default_noise`. At a wrong local minimum all matches count as inliers
+    with a large variance, and from such a variance EM does not converge to another minimum.
     """
     default_noise(tolerance, mixture)
     has_sample = (1.0 - best.mixture[1]) * matches.total > CHANCE_MATCHES

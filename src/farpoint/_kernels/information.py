@@ -149,10 +149,10 @@ def _depth_moments(
 ) -> tuple[float, float, float, float]:
     """Sums for the method of moments of the inverse depths.
 
-    The moments are four sums: of the weights, of the weighted depths, of the weights of squared
-    deviations from the mean, and of these squared deviations minus the part due to noise. The
-    weights follow from ``mean`` and ``variance``. In the first round (``first`` 1) the weights
-    follow only from the noise of each depth.
+    The function returns the sums of ``w``, ``w d``, ``v`` and ``v ((d - mean)^2 - s^2)``, where d
+    is an inverse depth and s^2 its noise variance. The weights w and v follow from ``variance`` and
+    s^2. In the first round (``first`` 1, ``mean`` and ``variance`` 0) v equals w, and s^2 is not
+    subtracted.
     """
     total = weighted = weight2 = excess = 0.0
     for panel in range(terms.size // TERMS):

@@ -54,8 +54,8 @@ def linearize(
     residuals r. ``normal`` (6, 6) receives ``[J r]^T W [J r]``, which consists of the Gauss-Newton
     matrix, the gradient in the last column, and the sum of weighted squares in the last corner.
     With ``soft_cheirality`` the parallaxes that have a penalty are residuals, too. ``shares`` (4,)
-    receives four expected numbers: inliers, tail steps, trials of the tail, and outliers from
-    repeated structure.
+    receives the expected numbers of inliers, of tail steps (`tail_steps_of`), of trials of the tail
+    (`tail_trials_of`), and of outliers from repeated structure.
     """
     pairs, prior, clutter = (
         point.pairs,

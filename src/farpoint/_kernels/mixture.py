@@ -15,10 +15,10 @@ variance, would have a higher likelihood than the right pose. EM estimates three
 among inliers, of outliers among all matches, and of repeated structure among outliers.
 
 Soft cheirality: an inlier flows towards the direction of translation, but noise can reverse the
-flow of a far point. If the flow is reversed by more than `CHEIRALITY_SIGMA`, the exponent of the
-density is `CHEIRALITY_WEIGHT` times the exponent of the noise, counted from `CHEIRALITY_SIGMA`.
-Otherwise the density is constant, because a slope would bias the rotation: a rotation changes all
-parallax. The density decreases smoothly, so that Gauss-Newton converges.
+flow of a far point. If the flow is reversed by s sigma and s exceeds c = `CHEIRALITY_SIGMA`, the
+density of the core has the factor ``exp(-w (s - c)^2 / 2)`` with w = `CHEIRALITY_WEIGHT`. Otherwise
+the density does not depend on the flow, because a slope would bias the rotation: a rotation changes
+all parallax. The factor decreases smoothly, so that Gauss-Newton converges.
 """
 
 from __future__ import annotations

@@ -42,11 +42,10 @@ def fit_motion(
     plane competes; whether a secondary mode in another direction is within the margin; and the
     values of `refine_motion`.
 
-    The search (`search.search_pose`) starts at the rotation of the far matches, which is itself
-    searched for from the identity. If there are no far matches, the search starts at the rotation
-    that is consistent with most matches at a larger
-    tolerance. The direction is searched among the matches that are not far, or among all matches if
-    only few matches are not far.
+    The search (`search.search_pose`) starts at the rotation of the far matches, which RANSAC finds
+    (`rotation_search.search_rotation`). If there are no far matches, the search starts at the
+    rotation that is consistent with most matches at a larger tolerance. The direction is searched
+    among the matches that are not far, or among all matches if only few matches are not far.
     """
     some, few = searched_pairs(matches), matches.total <= MAX_SEARCHED
     count = matches.total if few else MAX_SEARCHED

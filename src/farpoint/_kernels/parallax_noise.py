@@ -57,11 +57,11 @@ def scale_noise_with_parallax(
 ) -> bool:
     """Copy the matches with noise that scales with parallax, if the residuals show it.
 
-    The length minimises the sum of squared logarithms of the squared residuals. Heavy tails have
-    little influence on this sum. The geometric mean of the factors over the inliers is 1, so that
-    likelihoods with and without the factors can be compared. ``residual``, ``parallax`` and
-    ``inlier`` are the results of `likelihood.evaluate_residuals`. The function returns whether
-    ``scaled_pairs`` was written.
+    The length minimises the variance of ``log(r^2 / factor)`` over the inliers, where r is the
+    residual. Heavy tails have little influence on this variance. The geometric mean of the factors
+    over the inliers is 1, so that likelihoods with and without the factors can be compared.
+    ``residual``, ``parallax`` and ``inlier`` are the results of `likelihood.evaluate_residuals`.
+    The function returns whether ``scaled_pairs`` was written.
     """
     # Buffers returned by a kernel would not be freed; the caller allocates them.
     samples = NoiseSamples(

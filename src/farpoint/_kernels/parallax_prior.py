@@ -59,12 +59,12 @@ def fit_parallax_prior(
     ``inlier`` were computed without a prior.
 
     An outlier that happens to lie on its epipolar line agrees with the motion, and one long flow
-    would outweigh all inliers. Two outliers determine a direction, and by chance k more outliers
-    lie on the epipolar lines of this direction. A parallax is therefore supported only if more
-    inliers than this number have a larger parallax. s1 is the last supported parallax, and s2 is
-    the parallax that twice as many inliers exceed. The prior ends beyond s1 by ``max(((s1 / s2)^2 -
-    1) s1, 0.1 s1, 3)``, at most by s1, because the density of inliers decreases at about this rate.
-    Up to the end the prior is a histogram of the other inliers.
+    would outweigh all inliers. Two outliers determine a direction, and by chance up to k more
+    outliers lie on its epipolar lines. A parallax is therefore supported only if more inliers than
+    these ``k + 2`` outliers have at least this parallax. s1 is the largest supported parallax, and
+    s2 is the parallax that twice as many inliers have at least. The prior ends at s1 plus
+    ``max(((s1 / s2)^2 - 1) s1, 0.1 s1, 3)``, at most at 2 s1, because the density of inliers
+    decreases at about this rate. Up to the end the prior is a histogram of the other inliers.
     """
     sizes = np.empty(count)
     inliers = _inlier_parallaxes(parallax, inlier, sigma, sizes)
@@ -176,7 +176,7 @@ def _rank(p: float) -> float:
     """Bin of a parallax in sigma: equal steps within the noise, equal ratios beyond the noise.
 
     The rank is an inverse hyperbolic sine (Burbidge, Magee and Robb, J. Am. Stat. Assoc. 83, 1988,
-    DOI 10.1080/01621459.1988.10478575) that starts at the end of the band.
+    DOI 10.1080/01621459.1988.10478575), and is 0 for a parallax of ``-GATE_SIGMA`` or less.
     """
     u = max(p / GATE_SIGMA, -1.0)
     rank = (lane_log(u + math.sqrt(u * u + 1.0)) - FIRST_RANK) / PARALLAX_BIN

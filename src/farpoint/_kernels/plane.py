@@ -166,9 +166,9 @@ def _relief_log_likelihood(
 
     ``relief`` (3,) holds the variances across and along the lines, in units of the noise variance,
     and the share of matches off the plane. ``peak`` is the density of a match in the plane divided
-    by the density of a uniform match. ``sums`` (5,) receives three expected numbers, of matches on
-    their lines, of matches off the plane, and of core matches in the plane, and two sums over the
-    core matches in the plane: the squares across and along the lines.
+    by the density of a uniform match. ``sums`` (5,) receives the expected numbers of all inliers,
+    of inliers off the plane, and of core inliers in the plane, and two sums over the core inliers
+    in the plane: of the squared offsets across and along the lines.
     """
     pairs, prior, variance, tail_share = (
         point.pairs,

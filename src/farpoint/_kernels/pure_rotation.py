@@ -138,9 +138,9 @@ def translation_log_ratio(
     The prior of the parallax is the density of the parallax of the other inliers. In this test a
     share of the inliers, 0.5 or 0.9, is far. The parallax of far inliers is only noise, with a mean
     of zero or with a common mean that the rotation absorbs. Mean and variance of this parallax are
-    estimated from the matches that both models explain. For this estimate the log ratio is reduced
-    by the logarithm of the number of distinct places up to the largest parallax (Laplace's method;
-    the factor ``2 pi`` is left out to account for the variance).
+    estimated from the matches that both models explain. For the estimated mean the log ratio is
+    reduced by ``log(largest parallax / standard error of the mean)`` (Laplace's method; the factor
+    ``2 pi`` is left out to account for the estimated variance).
 
     Parameters
     ----------

@@ -23,9 +23,9 @@ def find_ground(camera: Camera, result: OdometryResult) -> float | None:
     """Height over the ground, in the unit of the trajectory; None with too few points on the
     ground.
 
-    The ground is the plane that contains most of the points below the horizon and is level in the
-    axes of the camera within 10 degrees. The points are the near points of the motion, and their
-    distances follow from their parallax.
+    The ground is the plane through the largest number of points below the horizon, among the planes
+    with a normal within 10 degrees of the y axis of the camera. The points are the near points of
+    the motion, and their distances follow from their parallax.
     """
     points = _points_below(camera, result)
     if len(points) < _LEAST_POINTS:

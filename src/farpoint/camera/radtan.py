@@ -182,8 +182,8 @@ class RadialTangential:
         """Radii r after the radial part alone, radii before this part, and quotients before /
         after.
 
-        Both arrays of radii increase and are evenly spaced in the angle before the radial part. The
-        quotients are evenly spaced in ``r / (1 + r)``.
+        Both arrays of radii increase. The radii before the radial part are tangents of evenly
+        spaced angles. The quotients are sampled in even steps of ``r / (1 + r)``.
         """
         before = np.tan(np.linspace(0.0, min(np.arctan(self.fold), FARTHEST_RAD), RADIAL_NODES))
         k1, k2, _, _, k3, k4, k5, k6 = self._full[:8]
@@ -227,9 +227,10 @@ class RadialTangential:
     def _surely_keeps_orientation(self, radius: np.ndarray) -> np.ndarray:
         """Whether, at these radii, the other terms are too small to fold the radial part.
 
-        A sum of matrices ``A + E`` is regular if the least singular value of A exceeds the norm of
-        E. The radial part has the singular values ``g`` and ``d(r g)/dr``. The norm of the other
-        terms is at most the sum of all their derivatives.
+        The derivative of the map is ``A + E``, with A from the radial part and E from the other
+        terms. ``A + E`` is regular if the least singular value of A exceeds the norm of E. The
+        singular values of A are ``g`` (distorted over undistorted radius) and ``d(r g)/dr``. The
+        norm of E is at most the sum of the absolute values of all derivatives in E.
         """
         k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = self._full[:12]
         r2 = radius * radius

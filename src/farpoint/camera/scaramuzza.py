@@ -92,8 +92,8 @@ class Scaramuzza(LensModel):
         """Effects of the parameters on the image, from which priors of their errors are built.
 
         A rotation of the sensor, ``d = -e``, equals a rotation of the camera and is no error of the
-        lens. ``a1`` is exact: the toolbox fixes ``a1`` at zero, because ``a1`` is zero for every
-        smooth curve.
+        lens. A zero ``a1`` is exact: the toolbox fixes ``a1`` at zero, because any other ``a1``
+        gives f a kink at the axis.
         """
         coefficients = [(f"a{power}", a) for power, a in enumerate(self.coefficients)]
         return ParameterRoles(

@@ -18,9 +18,9 @@ def lasting_streams() -> Iterator[None]:
     """Ignore writes to standard streams that nobody reads.
 
     A pipe whose reader has ended (``| head``), a closed stream (``>&-``) and a closed terminal then
-    change neither the result nor the exit code of a command. All errors of standard error, such as
-    a full disk behind a log, are ignored, because no results are written to standard error. Other
-    errors of standard output are raised.
+    change neither the result nor the exit code of a command. Failed writes to standard error (a log
+    on a full disk) are all ignored, because no results are written to standard error. Other failed
+    writes to standard output raise an error.
     """
     _open_closed_descriptors()
     with (

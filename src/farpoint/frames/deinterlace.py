@@ -74,10 +74,10 @@ def comb_share(image: np.ndarray) -> float:
 def one_field(image: np.ndarray) -> np.ndarray:
     """The even lines of an image (H, W), with interpolated lines in between; no pixel moves.
 
-    Details finer than the lines of the field cause aliasing, which would pull all windows of an
-    image towards whole lines. Therefore the lines are first smoothed with the weights 1 2 1. All
-    lines of the result are samples of the cubic B-spline through the smoothed lines. This spline
-    smooths each line equally.
+    Details finer than the line spacing of the field cause aliasing, which would bias the positions
+    of all tracked windows towards whole lines. Therefore the lines are first smoothed with the
+    weights 1 2 1. All lines of the result are samples of the cubic B-spline whose coefficients are
+    the smoothed lines. This spline smooths even and odd lines equally.
     """
     even = image[::2].astype(np.float32)
     even = (_shifted(even, -1) + 2.0 * even + _shifted(even, 1)) / 4.0

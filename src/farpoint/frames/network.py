@@ -113,10 +113,10 @@ def open_url(url: str) -> NetworkVideo:
 def _copy_of(url: str, public: str) -> IO[bytes] | None:
     """A temporary copy of a recording on a server that sends no byte ranges.
 
-    The copy is necessary because the index may be at the end of the recording, which only byte
-    ranges reach. The result is None in three cases, in which FFmpeg reports the cause: the server
-    sends byte ranges, the data has no known end (a live stream), or the server does not answer as
-    expected.
+    The copy is necessary because the index may be at the end of the recording, which FFmpeg can
+    read first only with byte ranges. The result is None if the server sends byte ranges, if the
+    data has no known end (a live stream), or if the server does not answer as expected. FFmpeg then
+    opens the URL and reports any failure.
 
     Raises
     ------

@@ -44,8 +44,8 @@ def find_stamps(images: Sequence[Path], fps: float | None) -> Stamps:
     The sources are:
 
     1. ``times.txt`` or ``timestamps.txt`` in the folder of the images or in the parent folder. The
-       file must have a row for each image, or the names of the images must be frame numbers, which
-       are then the numbers of the rows, counted from 0 (part of a sequence).
+       file must have a row for each image. For a part of a sequence, the names of the images must
+       instead be frame numbers, which are the numbers of the rows, counted from 0.
     2. The names of the images, if all are Unix times (EuRoC: nanoseconds, TUM: seconds with
        decimals).
     3. A frame rate of `fps`, or of `DEFAULT_FPS` if `fps` is None.

@@ -128,12 +128,12 @@ class PathConsistency:
 def evaluate_path(samples: PathSamples) -> PathConsistency | None:
     """Compare every segment with the truth; None if nothing can be compared.
 
-    The gauge of the comparison is the gauge of the covariances, and nothing is fitted to the truth.
-    The first pose of a segment, position and orientation, is taken as true. The length of the first
-    motion is also taken as true. If this length has an error of its own, the length with the
-    smallest relative error is taken as true instead. If the covariances include an error of the
-    unit, no length is taken as true. An error of the true first pose, or of the true length that is
-    used, counts as an error of the path.
+    The comparison uses the gauge of the covariances, and nothing is fitted to the truth. The first
+    pose of a segment (position and orientation) and the length of the first motion are taken as
+    true. If this length has an error of its own, the distance with the smallest relative error, of
+    all distances from the first pose, is taken as true instead. If the covariances include an error
+    of the unit of length, no length is taken as true. An error of the ground truth in the first
+    pose, or in the length that is used, counts as an error of the path.
     """
     found = list(_segments(samples))
     if not found:
@@ -161,7 +161,7 @@ class _Segment(NamedTuple):
 
     ``errors`` (P, 6) and ``covariances`` (P, 6, 6) are those of ``[dtheta, dposition]``. ``ways``
     and ``true_ways`` (P, 3) are the estimated and the true displacements since the first pose.
-    ``length_errors`` and ``length_variances`` (M,) are those of the logarithms of the lengths.
+    ``length_errors`` and ``length_variances`` (M,) are those of the logarithms of motion lengths.
     """
 
     unit_is_given: bool

@@ -298,9 +298,9 @@ class PathBuilder:
     def _restart(self, window: Window, step: _Step) -> np.ndarray:
         """Restart the window if two views with larger flow contradict its first motion.
 
-        The difference between the poses of the later view is spread evenly over the time between
-        the two views. The distance between the views is kept, and all keyframes are optimised
-        again. The function returns the shift (3,) of the last frame's position.
+        Poses since the first view are corrected in proportion to time, so that the later view gets
+        the pose of the contradicting motion. The distance between the views is kept. All keyframes
+        are then optimised again. The function returns the shift (3,) of the last frame's position.
         """
         assert self._first is not None
         (first, tracks), self._first, pair = self._first, None, step.pair

@@ -19,8 +19,8 @@ def inverse_depths(
 ) -> np.ndarray:
     """Inverse distances (N,) from camera 1 of matched rays (N, 3); the translation has length 1.
 
-    The distances l0 and l1 satisfy ``l1 b = l0 R a + t``. The cross product of this equation with
-    ``R a`` gives the inverse distance, which is negative for a point behind the camera.
+    The rays a and b of a match have distances l0 and l1 with ``l1 b = l0 R a + t``. The cross
+    product of this equation with ``R a`` gives ``1 / l1``, negative for a point behind camera 1.
     """
     rotated = rays0 @ R_cam1_from_cam0.T
     plane_of_motion = cross(direction, rotated)

@@ -30,10 +30,10 @@ def select_tracks(
 def redundant_keyframe(window: Window, alive: np.ndarray) -> int:
     """Slot of the keyframe to marginalise.
 
-    The keyframe has too few points in view, or the largest crowding score. The score is that of
-    Engel, Koltun and Cremers, "Direct Sparse Odometry", 2018, section 3.1: the root of the distance
-    to the newest keyframe times the sum of inverse distances to the other keyframes. With this
-    score the window keeps a baseline under pure rotation.
+    The result is the first keyframe with too few points in view, or else the keyframe with the
+    largest crowding score ``sqrt(d) sum(1 / d_i)``, with the distances d to the newest and d_i to
+    the other keyframes (Engel, Koltun and Cremers, "Direct Sparse Odometry", 2018, section 3.1).
+    With this score the window keeps a baseline under pure rotation.
 
     Parameters
     ----------

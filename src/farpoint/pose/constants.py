@@ -2,7 +2,7 @@
 
 Origin is "derived" (from what), "convention", "measured" (by what), or "chosen" where nothing more
 is known. Numbers that kernels use, too, are in `farpoint._kernels.constants`. "Rendered" means
-street scenes of `farpoint.synthetic`; where a measurement names no command, none is recorded.
+street scenes of `farpoint.synthetic`. If a measurement names no command, none was recorded.
 """
 
 from __future__ import annotations

@@ -54,9 +54,9 @@ def general_motion_covariance(fit: GeneralMotionFit) -> np.ndarray:
     """Covariance (5, 5) of ``[dtheta, dbeta]``, rad^2, in the `tangent_basis` of the direction.
 
     The covariance is the sandwich ``H^-1 V H^-1``. H is the Hessian of the expected negative log
-    likelihood, and V is the variance of the gradient. Because the depths are also estimated, the
-    Gauss-Newton matrix counts noise in the flow as flow. H is corrected for this noise. V is a
-    weighted mean of two matrices: the Gauss-Newton matrix, which is correct if the noise model is
+    likelihood, and V is the variance of the gradient. Because the depths are also estimated, noise
+    in the flow increases the Gauss-Newton matrix like true flow. H is corrected for this noise. V
+    is a weighted mean of two matrices: the Gauss-Newton matrix, correct if the noise model is
     true, and the scatter of the gradient over the matches, which is correct for any noise. The
     weight of the scatter grows with the number of matches.
 

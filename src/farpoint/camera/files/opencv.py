@@ -172,8 +172,8 @@ def read_fields(fields: Fields, name: str) -> Camera:
 def _as_read_out(camera: Camera, fields: Fields) -> Camera:
     """The camera of the images, of which ROS's ``camera_info`` gives the part of the sensor.
 
-    If the file has only some of the fields for this part, the camera is returned unchanged, and the
-    check for unread fields raises the error.
+    If ``binning_x`` or ``binning_y`` is missing, the camera is returned unchanged, and other fields
+    of the read-out are left to the check for unread fields.
     """
     if not {"binning_x", "binning_y"} <= fields.values.keys():
         return camera

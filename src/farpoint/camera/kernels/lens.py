@@ -131,9 +131,9 @@ def _newton_pass(
 ) -> int:
     """One step of Newton's method for each point whose last step was long.
 
-    ``steps`` (N,) holds the length of the last step of each point, divided by the limit of the
-    length; NaN counts as short. The function returns the number of points whose step was long. The
-    loop has no branches, so that the compiler can use vector instructions.
+    ``steps`` (N,) is the length of each point's last step over the tolerance. Steps above 1 are
+    long; NaN counts as short. The function returns the number of points whose step is still long.
+    The loop has no branches, so that the compiler can use vector instructions.
     """
     unconverged = 0
     for i in range(len(a)):
@@ -162,10 +162,10 @@ def undistort(
 ) -> None:
     """Inverse of `distort`: rows x and y (2, N); NaN for points outside the image of the lens.
 
-    ``table`` holds distorted radii r, undistorted radii, and the ratio of undistorted to distorted
-    radius in even steps of ``r / (1 + r)``. Newton's method starts at the ratio of the table.
-    ``farthest`` is the largest distorted radius inside the image of the lens, and ``fold`` the
-    largest undistorted radius.
+    ``table`` holds distorted radii r, the undistorted radius of each, and the ratio of undistorted
+    to distorted radius in even steps of ``r / (1 + r)``. Newton's method starts at the distorted
+    point times this ratio. ``farthest`` is the largest distorted radius inside the image of the
+    lens, and ``fold`` the largest undistorted radius.
     """
     x, y = out[0], out[1]
     for i in range(len(a)):

@@ -43,10 +43,10 @@ class LiveFrame:
 class Capture:
     """Reader of a live source that never blocks the source and keeps only the newest frame.
 
-    If the source is lost (a camera is unplugged, a stream breaks off), the thread tries twice a
-    second to open the source again, until the source is open or the session ends. An object of this
-    class is a context manager that stops the capture at the end of the block. If the source hangs,
-    the thread is abandoned after 2 s.
+    If the source is lost (a camera is unplugged, a stream breaks off), the reading thread tries
+    twice a second to open the source again, until the source is open or the session ends. An object
+    of this class is a context manager that stops the capture at the end of the block. A thread that
+    still waits for the source 2 s after the stop is abandoned.
 
     Parameters
     ----------

@@ -103,9 +103,9 @@ def gather_information(
 ):  # fmt: skip
     """Information (D, D) and gradient (D,) of poses and common unknowns, and of the points.
 
-    Errors of a track accumulate from match to match. The residual of a term is therefore the change
-    since the last keyframe that observed the track. The D unknowns are 6 for each keyframe, then
-    the lens, then the read-out time.
+    Errors of a track accumulate from match to match. Each term therefore uses the change of the
+    track's residual since the last keyframe that observed the track. The D unknowns are the poses
+    (6 for each keyframe), the lens and the read-out time, in this order.
 
     Parameters
     ----------
