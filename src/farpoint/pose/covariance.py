@@ -149,11 +149,12 @@ def mean_split_half_ratio(ratio: float | None, expected: float, pairs: int) -> f
 def inflation_beyond_patches(ratio: float | None, options: RelativePoseOptions) -> float:
     """Factor on the covariance for errors that are correlated beyond a patch.
 
-    Both halves of the matches share such errors, so the errors cancel in the difference between the
-    halves. Errors of a video codec are correlated over all lengths, from a block to the image. The
-    variance of the errors that cancel is taken as proportional to the variance that the split-half
-    ratio shows. The factor is ``1 + slope * min(mean - 1.08, 1)``, at least 1. ``mean`` is the mean
-    ratio of many pairs of views, because the ratio of one pair has a large sampling error.
+    Both halves of the matches share such errors, which cancel in the difference between the halves.
+    Errors of a video codec are correlated over all lengths, from a block to the image. The variance
+    that cancels is taken as proportional to the excess of the split-half ratio over 1.08, the upper
+    bound of uncompressed video. The factor is ``1 + slope * min(mean - 1.08, 1)``, at least 1.
+    ``mean`` is the mean ratio of many pairs of views; the ratio of one pair has a large sampling
+    error.
     """
     expected, pairs = options.expected_half_ratio, options.expected_half_ratio_pairs
     excess = mean_split_half_ratio(ratio, expected, pairs) - UNCOMPRESSED_SPLIT_RATIO

@@ -129,11 +129,11 @@ class _Rays(NamedTuple):
 class _Lenses(NamedTuple):
     """The rays of both views as functions of ``z`` (r,), the errors in units of one sigma.
 
-    The first elements of ``z`` are errors of the lenses. ``factors`` (P, r) map these errors to the
-    parameters of ``camera.refinable``. The last four elements of ``z`` are the error of the
-    read-out time and the errors of the derivative of the angular velocity. The ``shutter`` undoes
-    the rotation of each row, a share of the rotation vector ``theta``. ``rows`` selects the matches
-    of the shutter.
+    The last four elements of ``z`` are the errors of the read-out time (1) and of the derivative of
+    the angular velocity (3). The others are errors of the lenses, which ``factors`` (P, r - 4) map
+    to the parameters of ``camera.refinable``. ``shutter`` undoes the rotation between the read-out
+    of each row and of the middle row, by the rotation vector ``theta`` between the views. ``rows``
+    are the indices of the views' matches in ``shutter``.
     """
 
     views: tuple[View, View]

@@ -1,15 +1,15 @@
 """Model selection: tests of consensus, translation and rotation at a false-alarm rate.
 
 1. *Consensus*: do more matches agree than by chance? For a general motion, the test is the
-   likelihood ratio of the motion to the hypothesis that all matches are outliers. By chance, this
-   ratio exceeds 1 / rate at most at that rate (Markov's inequality). For a pure rotation, the test
-   is the expected number of hypotheses with such a consensus by chance (an a-contrario test: Moisan
-   and Stival, IJCV 2004, DOI 10.1023/B:VISI.0000013094.38752.34).
+   likelihood ratio of the motion to the hypothesis that all matches are outliers. By chance, the
+   probability that this ratio exceeds 1 / rate is at most the rate (Markov's inequality). For a
+   pure rotation, the test is the expected number of hypotheses with such a consensus by chance (an
+   a-contrario test: Moisan and Stival, IJCV 2004, DOI 10.1023/B:VISI.0000013094.38752.34).
 2. *Translation*: do the matches move along the epipolar lines by more than the noise? One of three
-   tests must pass. The first is an F test over the matches that both models explain. The second
-   tests whether more matches flow towards one epipole than by chance. The third tests whether the
-   likelihood ratio of the general motion to the pure rotation exceeds 1 / rate; both likelihoods
-   are averaged over all poses.
+   tests must pass. The first is an F test over the matches that both the general motion and the
+   pure rotation explain. The second tests whether more matches flow towards one epipole than by
+   chance. The third tests whether the likelihood ratio of the two models exceeds 1 / rate; both
+   likelihoods are averaged over all poses.
 3. *Rotation*: does the rotation differ from the identity by more than the noise?
 """
 
@@ -142,8 +142,8 @@ def _bulk_beyond_noise(n: int, across: float, flow: float, matches: Matches, rat
     The test uses the n matches that both models explain, because one outlier along an epipolar line
     would decide a test over all matches. The evidence is the logarithm of the p-value divided by
     the logarithm of the ``rate``, at most 1, times the factor
-    ``min(2 ratio / misspecification - 1, 1)^4``. The factor is needed because with many matches the
-    test would take misspecified noise as flow.
+    ``min(2 F / misspecification - 1, 1)^4``, where F is the F statistic. Without this factor, a
+    test of many matches would take misspecified noise as flow.
     """
     if n < MIN_MATCHES:
         return 0.0

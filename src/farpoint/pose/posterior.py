@@ -1,14 +1,14 @@
 """The likeliest of all candidate motions, and what else the matches allow.
 
 The evidence of a motion (`GeneralMotionFit.log_evidence`) is the log likelihood of all matches with
-Laplace's factor, the sign of the direction, and a tempered prior of the parallax. The motion with
-the largest evidence is taken. The log ratio to another motion is the difference of the evidences
-plus the log ratio by residuals alone, divided by the tempering of the matches.
+Laplace's factor, the sign of the direction, and a down-weighted prior of the parallax. The motion
+with the largest evidence is taken. Its log ratio to another motion, the difference of the evidences
+plus the log-likelihood ratio of the residuals alone, is divided by `Matches.tempering`.
 
 The two motions of a plane are the exception: their log likelihoods differ by chance, by about
 sqrt(N) for N matches, because each motion ignores the noise along its own epipolar lines. The
-relief of the plane decides between them, unless the evidences differ by more than by chance. If the
-noise may be misspecified, so may be the relief, and the ratio counts only if the evidence agrees.
+relief of the plane decides instead. If the evidences differ by more than by chance, or noise and
+relief may be misspecified, the ratio by relief counts only if the evidence prefers the same motion.
 """
 
 from __future__ import annotations
@@ -202,8 +202,8 @@ def _log_ratio(one: GeneralMotionFit, other: GeneralMotionFit) -> float:
     """Log ratio of two motions: difference of their evidences, plus log ratio by residuals alone.
 
     The evidence has the prior of the parallax, which is estimated with each motion and so favours
-    motions that leave little parallax. The residuals alone, with a uniform prior, do not. The
-    tempering exponent of 1/2 in `Alternative.probability` makes a mean of the sum of both.
+    motions that leave little parallax. The residuals alone, with a uniform prior, do not favour
+    them. `Alternative.probability` halves the sum of both log ratios, which gives their mean.
     """
     difference = one.log_evidence - other.log_evidence
     if _cosine(one, other) > COS_NEARBY:
@@ -230,9 +230,9 @@ def _in_other_direction(
 ) -> Iterator[Alternative]:
     """The likeliest mode in another direction, if its log ratio is below the limit.
 
-    The ratio is that of the residuals alone: the prior of the parallax was estimated with the fit,
-    and draws other motions to it. Two modes that exchange translation and rotation have the pure
-    rotation half-way between them, so the search starts there.
+    The log ratio is that of the residuals alone, because the prior of the parallax was estimated
+    with ``fit`` and biases other motions towards ``fit``. The search starts at the pure rotation,
+    which is half-way between two modes that exchange translation and rotation.
     """
     pose, mode = packed_pose(fit), _empty_pose()
     log_ratio = likeliest_other_mode(_packed(fit, MAX_SEARCHED), pose, R_pure_rotation, mode)
@@ -281,10 +281,10 @@ def _likelier_of_plane(
 ) -> tuple[GeneralMotionFit, Alternative]:
     """The likelier and the less likely of the two motions of a plane.
 
-    If relief and evidence contradict each other, both motions are equally likely, and the motion
-    with the larger evidence stays. It is a contradiction if they prefer different motions, and the
-    noise may be misspecified or the evidence differs by more than by chance. The fit stays, too, if
-    the refinement of the other motion converges to it.
+    Relief and evidence contradict each other if they prefer different motions and either the noise
+    may be misspecified or the evidences differ by more than by chance. Both motions are then taken
+    as equally likely, and the motion with the larger evidence is returned first. ``fit`` is also
+    returned first if the refinement of the other motion converges to ``fit``.
     """
     found = refit_general_motion(
         fit.matches, fit.at(other.R_cam1_from_cam0, other.direction_cam1_from_cam0)

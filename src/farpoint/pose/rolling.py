@@ -65,11 +65,11 @@ def estimate_rolling(
 ) -> RelativePose:
     """Estimate the motion so that the rotation undone in the rows equals the estimated rotation.
 
-    The estimate is a fixed point. An error of the undone rotation causes an error of the estimate
-    in each match, in proportion to the read-out phases of the match. A Newton step removes the mean
-    of this error over the matches. The remaining error becomes smaller in every pass, by a factor
-    equal to the scatter of the phases. If no motion ``searched`` is given, a first search finds the
-    initial rotation, and each pass begins with another search.
+    The estimate is a fixed point. An error of the undone rotation displaces each match in
+    proportion to the difference of its two read-out phases. A Newton step removes the effect of the
+    mean difference. In every pass, the remaining error becomes smaller by a factor equal to the
+    scatter of the differences times the relative read-out time. If no motion ``searched`` is given,
+    a first search finds the initial rotation, and each pass begins with another search.
     """
     theta, start = np.zeros(3), None
     if searched is not None:

@@ -1,8 +1,9 @@
 """Explanations of the matches by two motions: the camera's, and that of an object or of dirt.
 
-A merged mode between two motions explains all matches with more noise. The merged mode may be
-likelier than the motion of the camera, because the noise scale is free. The explanation by two
-motions is therefore compared with the explanation by one. Its likelihood is a mixture,
+One motion may have a mode of the likelihood between two motions, which explains all matches with
+more noise. This merged mode may be likelier than the motion of the camera, because the noise scale
+is free. One motion is therefore compared with two motions. Their log likelihood is that of a
+mixture,
 
     sum_i log(w_1 f_1(i) + w_2 f_2(i) + w_0 u),
 
@@ -10,11 +11,11 @@ with the densities f_k of the inliers of each motion, the density u of outliers,
 second motion is a general motion, or matches that are stationary in the image, such as dirt on the
 lens, the bonnet, or a caption.
 
-An explanation by two motions must separate the matches: the entropy of the responsibilities is
-subtracted. Errors that are smooth over the image, as of a lens or a shutter, also gain likelihood
-by a second motion, but separate no matches. The ratio is divided by the design effect of the
-residuals of one motion, as for every log-likelihood ratio of correlated residuals. Finally, the
-residuals that the motion of the camera leaves must be independent between neighbours.
+Two motions must separate the matches: the entropy of the responsibilities is subtracted from the
+log likelihood. Errors that are smooth over the image, as of a lens or a shutter, also gain
+likelihood by a second motion, but separate no matches. The log ratio of two motions to one is
+divided by the design effect of the residuals of one motion, as every log ratio of correlated
+residuals. Finally, neighbouring residuals of the camera's motion must be independent.
 """
 
 from __future__ import annotations
@@ -146,9 +147,10 @@ def _with_bounded_noise(
 ) -> Iterator[tuple[GeneralMotionFit, GeneralMotionFit]]:
     """The motion found with a bounded noise, and two possible motions of the other matches.
 
-    The noise is bounded by the part of the residual variance that is independent between
-    neighbours. The second motion is found in the same way, or starts at the fit. Both motions are
-    searched for only if neighbouring residuals are correlated and larger than a tracker's noise.
+    The bound is 0.2 of the residual variance that is independent between neighbours. The second
+    motion is searched for among the other matches in the same way, or is ``fit``, refined with
+    these matches. There is no search unless neighbouring residuals are correlated and exceed a
+    tracker's noise.
     """
     if (
         fit.neighbours.correlation < SUSPECT_CORRELATION

@@ -2,8 +2,8 @@
 
 Messages are pickled. The first message makes the sink; every other message is a method and its
 arguments. The answer to each message is None or an error. One more answer is sent before the first
-message, as soon as the modules are loaded. At the end of the messages the sink is closed, also if
-the other process has died.
+message, as soon as the modules of the command line are loaded. At the end of the messages the sink
+is closed, also if the process that sends the messages has died.
 """
 
 from __future__ import annotations

@@ -29,9 +29,9 @@ def track_points(
     """Track points of the first image into the second image.
 
     Every point is tracked forward and backward (Kalal et al., "Forward-Backward Error", ICPR 2010,
-    doi:10.1109/ICPR.2010.675). The backward pass starts as far from ``points0`` as the forward
-    pass started from its result. If the backward pass started at ``points0``, a wrong match could
-    pass the check without any iteration.
+    doi:10.1109/ICPR.2010.675). The backward pass starts at ``points0 + (points1 - start)``, so that
+    both passes have the same initial error. If the backward pass started at ``points0``, a wrong
+    match could pass the check without any iteration.
 
     A subset of the points, the probes, is tracked first, from the coarsest level. The 0.9 quantile
     of the probes' distances from ``start`` selects the level at which the other points start.

@@ -36,10 +36,10 @@ def normalize_rows(image: np.ndarray) -> np.ndarray:
 def row_gains(before: Pyramid, after: Pyramid, tracks: Tracks) -> np.ndarray | None:
     """Gain (H,) of each row of ``after`` over ``before``; None if the gain does not vary by row.
 
-    Each track gives the log ratio of the local mean grey values in ``after`` and ``before``. Row
-    gains are fitted if the median log ratio of the tracks in neighbouring rows predicts the log
-    ratio of a track well: the median deviation from this prediction is at most 0.6 of the median
-    deviation from the median of all tracks.
+    Each track gives the log ratio of the local mean grey values in ``after`` and ``before``. This
+    log ratio is predicted by the median of the tracks in neighbouring rows, and by the median of
+    all tracks. Row gains are fitted if the median absolute error of the first prediction is at most
+    0.6 of that of the second.
     """
     if len(tracks) < MIN_ROW_TRACKS:
         return None

@@ -38,10 +38,10 @@ def road(seed: int) -> HardPair:
 
 
 def court(seed: int, *, matches: int, repeated: float, whole: bool = False) -> HardPair:
-    """A court of walls with windows: this share of the matches is of another window.
+    """A court of walls with windows: a share ``repeated`` of the matches has the wrong window.
 
-    Two stills 5 m and 14 degrees apart, with 0.3 px of noise. Single matches are of a window on
-    either side; or, with ``whole``, all matches of a window are of the next window.
+    Two stills 5 m and 14 degrees apart, with 0.3 px of noise. Windows are 1.5 m apart. Each wrong
+    match is off by -1, 1 or 2 windows; with ``whole``, all matches of a window are off by 1 window.
     """
     camera = Camera.pinhole(3072, 2048, 2760.0, 2760.0, 1535.5, 1023.5)
     assert camera.size is not None
@@ -76,9 +76,9 @@ def court(seed: int, *, matches: int, repeated: float, whole: bool = False) -> H
 def rails(seed: int, *, share: float = 0.5, matches: int = 200) -> HardPair:
     """A drive along rails: on a share of the matches, the tracker slides along the rail.
 
-    The camera is 2 m above four rails along its direction of travel and drives 0.5 m, while it
-    turns a little. A track that slides is displaced along the image of its rail, by up to 2 px and
-    by the same share of its flow for all tracks of a rail.
+    The camera is 2 m above four rails along its direction of travel. The camera drives 0.5 m and
+    turns by up to 1 degree about each axis. A track that slides is displaced along the image of its
+    rail by 0.5 to 2 px, equal for all tracks of a rail up to normal noise of 0.2 px.
     """
     rng, camera = np.random.default_rng([seed, 19]), vga_camera()
     sliding = round(share * matches)

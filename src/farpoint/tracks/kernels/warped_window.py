@@ -76,10 +76,11 @@ def _warp(
 ) -> None:
     """Interpolated values of a warped window around (x, y).
 
-    Relative to an unwarped grid, adjacent pixels have the same 3 x 3 neighbours as long as the warp
-    displaces the pixels by at most one pixel. All these adjacent pixels are read in one step. Each
-    step writes `PIXELS_AT_ONCE` values, and the next step overwrites the surplus values. Values
-    after the end of a line are undefined.
+    A line is interpolated in steps of up to `PIXELS_AT_ONCE` values. Within a step, the warp
+    displaces the values from a 1 px grid by at most 1 px, so each value lies within 3 x 3 pixels,
+    one pixel farther right than those of the previous value. Each step writes `PIXELS_AT_ONCE`
+    values, and the next step overwrites the surplus values. Values after the end of a line are
+    undefined.
     """
     pixels, pixel_line = around.pixels, around.line
     xu, xv, yu, yv = theta[2], theta[3], theta[4], theta[5]
@@ -110,10 +111,8 @@ def _warp_part(
 ) -> None:
     """Values of a part of a line, interpolated bilinearly between 3 x 3 pixels for each value.
 
-    For the first value, the upper left of the 3 x 3 pixels is the ``i``-th pixel, and for each
-    further value the next pixel of the line. The first value is at (x, y) = ``begin`` from the
-    upper left pixel, 0 to 2 px. Each further value is displaced by ``slope``. The first value is
-    written to index ``to``.
+    The 3 x 3 pixels of value ``j`` begin with pixel ``i + j`` at the upper left. The value is at
+    ``begin + j * slope`` (x, y), 0 to 2 px, from this pixel, and is written to index ``to + j``.
     """
     zero, one = np.float32(0.0), np.float32(1.0)
     (x, y), (slope_x, slope_y) = begin, slope

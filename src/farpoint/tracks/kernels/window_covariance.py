@@ -199,9 +199,9 @@ def _gradient_products(
 ) -> tuple[float, float, float, float]:
     """Sums over the window of influence times the gradient of the residual.
 
-    ``on_x`` and ``on_y`` are the influences on both coordinates of the displacement. The sums are
-    those of ``on_x`` times the gradient to the right and down, and those of ``on_y``. Differences
-    are central, and one-sided at the border of the window.
+    ``on_x`` and ``on_y`` are the influences on the x and the y coordinate of the displacement. The
+    four sums are: ``on_x`` times the gradient to the right, ``on_x`` times the gradient down, and
+    the same for ``on_y``. Differences are central, and one-sided at the border of the window.
     """
     xu, xv, yu, yv = _central_products(on_x, on_y, residual, line, width * line)
     half, bottom = np.float32(0.5), (width - 1) * line
