@@ -151,10 +151,9 @@ def inflation_beyond_patches(ratio: float | None, options: RelativePoseOptions) 
 
     Both halves of the matches share such errors, which cancel in the difference between the halves.
     Errors of a video codec are correlated over all lengths, from a block to the image. The variance
-    that cancels is taken as proportional to the excess of the split-half ratio over 1.08, the upper
-    bound of uncompressed video. The factor is ``1 + slope * min(mean - 1.08, 1)``, at least 1.
-    ``mean`` is the mean ratio of many pairs of views; the ratio of one pair has a large sampling
-    error.
+    that cancels is taken as proportional to the excess of the split-half ratio over 1.08 (bound for
+    uncompressed video). The factor is ``1 + slope * min(mean - 1.08, 1)``, at least 1, with the
+    ``mean`` over many pairs of views, because one pair's ratio has a large sampling error.
     """
     expected, pairs = options.expected_half_ratio, options.expected_half_ratio_pairs
     excess = mean_split_half_ratio(ratio, expected, pairs) - UNCOMPRESSED_SPLIT_RATIO

@@ -1,9 +1,8 @@
 """Explanations of the matches by two motions: the camera's, and that of an object or of dirt.
 
-One motion may have a mode of the likelihood between two motions, which explains all matches with
-more noise. This merged mode may be likelier than the motion of the camera, because the noise scale
-is free. One motion is therefore compared with two motions. Their log likelihood is that of a
-mixture,
+The likelihood may have a mode between two motions, which explains all matches with more noise. This
+merged mode may be likelier than the motion of the camera, because the noise scale is free. One
+motion is therefore compared with two motions. The log likelihood of two motions is a mixture's,
 
     sum_i log(w_1 f_1(i) + w_2 f_2(i) + w_0 u),
 
@@ -148,9 +147,8 @@ def _with_bounded_noise(
     """The motion found with a bounded noise, and two possible motions of the other matches.
 
     The bound is 0.2 of the residual variance that is independent between neighbours. The second
-    motion is searched for among the other matches in the same way, or is ``fit``, refined with
-    these matches. There is no search unless neighbouring residuals are correlated and exceed a
-    tracker's noise.
+    motion is found in the same way from the other matches, or is ``fit`` refined with them. There
+    is no search unless neighbouring residuals are correlated and larger than a tracker's noise.
     """
     if (
         fit.neighbours.correlation < SUSPECT_CORRELATION

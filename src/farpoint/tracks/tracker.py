@@ -66,7 +66,7 @@ class Tracker:
     >>> len(tracker.track(texture))  # the first image has no reference
     0
     >>> tracks = tracker.track(texture)
-    >>> len(tracks) > 0 and bool(np.all(tracks.points0 == tracks.points1))
+    >>> len(tracks) > 0 and np.allclose(tracks.points0, tracks.points1, atol=1e-6)
     True
     """
 

@@ -76,11 +76,10 @@ def _warp(
 ) -> None:
     """Interpolated values of a warped window around (x, y).
 
-    A line is interpolated in steps of up to `PIXELS_AT_ONCE` values. Within a step, the warp
-    displaces the values from a 1 px grid by at most 1 px, so each value lies within 3 x 3 pixels,
-    one pixel farther right than those of the previous value. Each step writes `PIXELS_AT_ONCE`
-    values, and the next step overwrites the surplus values. Values after the end of a line are
-    undefined.
+    A line is interpolated in steps in which the warp displaces values from a 1 px grid by 1 px at
+    most. Each value of a step lies within 3 x 3 pixels, one pixel farther right than those of the
+    previous value. Each step writes `PIXELS_AT_ONCE` values, and the next step overwrites the
+    surplus values. Values after the end of a line are undefined.
     """
     pixels, pixel_line = around.pixels, around.line
     xu, xv, yu, yv = theta[2], theta[3], theta[4], theta[5]
