@@ -76,8 +76,8 @@ def refine(matches: PackedMatches, steps: int, pose: Pose) -> None:
 def _add_laplace_factor(matches: PackedMatches, pose: Pose) -> None:
     """Add the `laplace_factor` to the cost of a pose.
 
-    The cost of a pose with hardly any inliers is at least that of uniform outliers alone. Otherwise
-    matches of repeated structure near the epipolar lines could lower the cost.
+    With a share of inliers up to `MIN_SHARE`, the cost is at least that of a model with uniform
+    outliers only. Otherwise matches of repeated structure near the epipolar lines could lower it.
     """
     pose.cost[0] += laplace_factor(pose.normal)
     if not _has_inliers(pose):

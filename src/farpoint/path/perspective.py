@@ -38,9 +38,9 @@ def without_perspective(
     estimated from the warps. The quadratic part follows from the slopes and the motion of the
     camera.
 
-    A window across a depth edge contains two motions. The slope of a plane changes a warp only
-    along the flow. The component of a warp across the flow is therefore a sign of a depth edge and
-    increases the covariance of the match.
+    The slope of a plane changes the warp of its window only along the flow. A component of the
+    warp across the flow therefore indicates that the window contains two motions, at a depth edge.
+    The covariance of the match is increased with this component.
 
     Parameters
     ----------

@@ -214,9 +214,9 @@ def fit_general_motion(
 ) -> GeneralMotionFit:
     """Maximum-likelihood rotation and direction, by a search that starts from the far rotation.
 
-    The direction of the derotated flow is refined jointly with the rotation. The result of this
-    refinement is a local maximum if there are no far points, or if a rotation can imitate the
-    parallax. It is therefore compared with five-ray hypotheses.
+    The direction of the derotated flow is refined jointly with the rotation. If there are no far
+    points, or if a rotation can imitate the parallax, the refined pose may be only a local maximum.
+    The refined pose is therefore compared with poses from samples of five matches.
     """
     n = len(matches)
     found = _empty_buffers(n)

@@ -111,9 +111,9 @@ class Matches:
     def tempering(self) -> float:
         """Number by which log-likelihood ratios are divided.
 
-        If the variance is misspecified, log likelihoods are too large by the misspecification
-        factor. If residuals are correlated, the effective number of matches is the number of
-        matches divided by the design effect. The larger of the two factors is used.
+        Log-likelihood ratios are too large by the factor ``misspecification`` if the variance is
+        misspecified, and by the factor ``design_effect`` if residuals are correlated: the effective
+        number of matches is smaller by this factor. The larger of the two factors is used.
         """
         return max(self.misspecification, self.design_effect)
 
