@@ -309,7 +309,7 @@ def test_regions_of_uncertain_directions_are_those_of_all_poses_that_they_allow(
         if pose.status is PoseStatus.OK:
             error = pose_error(pose, scene)
             held.append(error @ np.linalg.solve(pose.covariance, error) < chi2.ppf(0.95, 5))
-    assert len(held) >= 165
+    assert len(held) >= 180
     # It is 0.92; those of the estimated pose alone hold it in 0.79.
     assert np.mean(held) > 0.86
 

@@ -22,7 +22,7 @@ def test_the_motion_of_most_tracks_wins_over_a_motion_of_all_tracks_with_more_no
     shared_data: Path,
 ):
     # A motion that is wrong by 5 to 30 degrees leaves 1.5 to 5 px for all tracks; the right motion
-    # leaves 0.5 px for 55 to 75 % of them. The residuals alone prefer the wrong motion.
+    # leaves 0.5 px for 55 to 75 % of them. Each with its own noise, the wrong motion is likelier.
     recording = posed_sequence(find_sequences([shared_data / "kitti_a"])[0])
     assert recording is not None
     wrong = 0
@@ -34,5 +34,5 @@ def test_the_motion_of_most_tracks_wins_over_a_motion_of_all_tracks_with_more_no
         if pose.rotation_cam1_from_cam0 is not None:
             error = so3.angle_between(pose.rotation_cam1_from_cam0, true)
             wrong += np.degrees(error) > 5.0
-    # The choice by evidence and residuals together has more of them.
+    # With a noise of its own for each motion there are 10.
     assert wrong <= 7, wrong

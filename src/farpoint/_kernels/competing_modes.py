@@ -57,13 +57,11 @@ def likeliest_other_mode(
 def compare_with_mode(matches: PackedMatches, pose: Pose, mode: Pose) -> float:
     """Log-likelihood ratio of a pose to a given mode, which is refined in place.
 
-    Each refinement starts with the noise of its own motion: with the large noise of a wrong motion,
-    a correct one does not converge to its mode. The ratio is infinite if the mode converges to the
-    direction of ``pose``.
+    The ratio is infinite if the mode converges to the direction of ``pose``.
     """
     own = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
     _refine_from(matches, pose.R, pose.t, pose.mixture, own)
-    _refine_from(matches, mode.R, mode.t, mode.mixture, mode)
+    _refine_from(matches, mode.R, mode.t, pose.mixture, mode)
     return mode.cost[0] - own.cost[0] if _has_other_direction(mode, pose) else math.inf
 
 

@@ -1,9 +1,9 @@
 """The likeliest of all candidate motions, and what else the matches allow.
 
 The evidence of a motion (`GeneralMotionFit.log_evidence`) is the log likelihood of all matches with
-Laplace's factor, the sign of the direction, and a down-weighted prior of the parallax. The motion
-with the largest evidence is taken. Its log ratio to another motion, the difference of the evidences
-plus the log-likelihood ratio of the residuals alone, is divided by `Matches.tempering`.
+Laplace's factor, the sign of the direction, and a down-weighted prior of the parallax. The log
+ratio of two motions is the difference of their evidences plus the log-likelihood ratio of the
+residuals alone, with the same noise for both motions, divided by `Matches.tempering`.
 
 The two motions of a plane are the exception: their log likelihoods differ by chance, by about
 sqrt(N) for N matches, because each motion ignores the noise along its own epipolar lines. The
@@ -175,7 +175,9 @@ def compare_motions(
     pool = [refit_general_motion(matches, start) for start in candidates]
     z_score = max(fit.neighbours.z_score, GATE_SIGMA)
     likely = [each for each in _unless_near(of_plane, pool) if each.neighbours.z_score <= z_score]
-    best = max([fit, *likely], key=lambda each: each.log_evidence)
+    best = fit
+    for each in likely:
+        best = each if _log_ratio(best, each) < 0.0 else best
     if best is not fit:
         of_plane = _other_of_plane(best)
     if of_plane is not None:
@@ -203,13 +205,19 @@ def _log_ratio(one: GeneralMotionFit, other: GeneralMotionFit) -> float:
 
     The evidence has the prior of the parallax, which is estimated with each motion and so favours
     motions that leave little parallax. The residuals alone, with a uniform prior, do not favour
-    them. `Alternative.probability` halves the sum of both log ratios, which gives their mean.
+    them. The noise is that of the tracker and not of a motion, so the residuals of both motions
+    have the noise of the motion that leaves less: a motion that explains wrong matches by a larger
+    noise gains nothing. `Alternative.probability` halves the sum of both log ratios, which gives
+    their mean.
     """
     difference = one.log_evidence - other.log_evidence
     if _cosine(one, other) > COS_NEARBY:
         return difference
-    mode = Pose(*(each.copy() for each in packed_pose(other)))
-    by_residuals = compare_with_mode(_packed(one, UNDECIDED_MATCHES), packed_pose(one), mode)
+    noise = min(one.noise, other.noise, key=lambda each: each.variance)
+    matches = _packed(one.matches.with_noise_up_to(noise.variance), UNDECIDED_MATCHES)
+    pose, mode = packed_pose(one)._replace(mixture=noise.array), _empty_pose()
+    mode.R[:], mode.t[:] = other.R_cam1_from_cam0, other.direction_cam1_from_cam0
+    by_residuals = compare_with_mode(matches, pose, mode)
     return difference + (by_residuals if math.isfinite(by_residuals) else 0.0)
 
 
@@ -235,9 +243,11 @@ def _in_other_direction(
     which is half-way between two modes that exchange translation and rotation.
     """
     pose, mode = packed_pose(fit), _empty_pose()
-    log_ratio = likeliest_other_mode(_packed(fit, MAX_SEARCHED), pose, R_pure_rotation, mode)
+    log_ratio = likeliest_other_mode(
+        _packed(fit.matches, MAX_SEARCHED), pose, R_pure_rotation, mode
+    )
     if log_ratio < UNDECIDED_LOG_RATIO and len(fit.matches) > MAX_SEARCHED:
-        log_ratio = compare_with_mode(_packed(fit, UNDECIDED_MATCHES), pose, mode)
+        log_ratio = compare_with_mode(_packed(fit.matches, UNDECIDED_MATCHES), pose, mode)
     if log_ratio < limit:
         yield Alternative(mode.R, mode.t, max(log_ratio, 0.0), SECONDARY)
 
@@ -255,19 +265,21 @@ def _other_of_plane(fit: GeneralMotionFit) -> Alternative | None:
     if not fit.is_planar:
         return None
     pose, other, has_given_noise = packed_pose(fit), _empty_pose(), fit.matches.misspecification > 1
-    competes, log_ratio = other_motion(_packed(fit, MAX_SEARCHED), pose, other, has_given_noise)
+    competes, log_ratio = other_motion(
+        _packed(fit.matches, MAX_SEARCHED), pose, other, has_given_noise
+    )
     if competes and log_ratio < UNDECIDED_LOG_RATIO and len(fit.matches) > MAX_SEARCHED:
-        some = _packed(fit, UNDECIDED_MATCHES)
+        some = _packed(fit.matches, UNDECIDED_MATCHES)
         competes, log_ratio = other_motion(some, pose, other, has_given_noise)
     return Alternative(other.R, other.t, log_ratio, PLANE) if competes else None
 
 
-def _packed(fit: GeneralMotionFit, most: int) -> PackedMatches:
+def _packed(matches: Matches, most: int) -> PackedMatches:
     """At most ``most`` evenly spaced matches in the format of the kernels.
 
     The soft cheirality penalty is switched off.
     """
-    part = fit.matches.subsample(most)
+    part = matches.subsample(most)
     return part.packed(part.weights(), soft_cheirality=False)
 
 
