@@ -290,9 +290,11 @@ def covariance_beside(
 ) -> bool:
     """Covariance ``out`` (5, 5) if the true pose is that of ``point`` moved by a ``step`` (5,).
 
-    The covariance is computed as in `covariance_here`, in the tangent basis of ``point``. The
-    scatter of the gradients is not used, because the moved pose is not a maximum of the likelihood.
-    The function returns False if there is not enough signal.
+    The covariance is computed at the moved pose, as by `covariance_here`, and then transformed to
+    the tangent basis of the direction of ``point``. The scatter of the gradients is not used,
+    because the moved pose is not a maximum of the likelihood. The function returns False if along
+    some axis less than a share `MIN_SIGNAL_NEARBY` of the Gauss-Newton matrix remains after the
+    part that is due to noise is subtracted.
     """
     moved_R, moved_t, there = np.empty((3, 3)), np.empty(3), np.empty((5, 5))
     normal, noise, scatter = np.empty((6, 6)), np.empty((5, 5)), np.empty((5, 5))

@@ -188,10 +188,12 @@ class _Points:
     ) -> np.ndarray:
         """Derivatives (6, D) of the cost's gradient by the unknowns of the window.
 
-        The residual of a point in its last keyframe is subtracted from the residual in this frame.
-        Both residuals depend on the pose of the anchor, on lens and read-out time, and on the
-        inverse distance, which is itself a function of these unknowns. A residual does not change
-        if the anchor and the observing frame move together.
+        The gradient is that by the pose of this frame. The residual of a point in its last keyframe
+        is subtracted from the residual in this frame. Both residuals depend on the pose of the
+        anchor's keyframe, on lens and read-out time, and on the inverse distance, which is itself a
+        function of all unknowns of the window. The residual in the last keyframe also depends on
+        the pose of that keyframe. A residual does not change if the anchor's keyframe and the
+        observing frame move together: its derivatives by the two poses are opposite.
         """
         marks, s = window.landmarks, self.s[:, None]
         anchors = marks.anchor[self.rows]
