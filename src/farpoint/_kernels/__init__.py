@@ -2,5 +2,6 @@
 
 The package has the loops of the two-view estimator, and loops that kernels of several packages
 call. Kernels that only one other package uses are in the folder ``kernels`` of that package. The
-modules of this package import only numpy and numba.
+modules of this package import no other package of farpoint, and of third parties only numpy and
+numba.
 """

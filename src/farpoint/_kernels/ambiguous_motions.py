@@ -1,4 +1,4 @@
-"""Motions that explain the matches nearly as well: planar and bas-relief ambiguity."""
+"""Motions nearly as likely as a given motion: planar ambiguity and bas-relief ambiguity."""
 
 from __future__ import annotations
 
@@ -39,17 +39,19 @@ def second_planar_motion(
     other_R: np.ndarray,
     other_t: np.ndarray,
 ) -> bool:
-    """Second motion of a plane through the matches; False if there is no second motion.
+    """Second motion with the same homography of a plane; False if the matches fix no plane.
 
-    The plane ``n . X = 1`` (camera 0, unit of the translation) has the inverse depth ``n . a``
-    along a ray a, and is fitted to those of the matches. With ``tau = R^T t`` the homography of the
-    plane is ``R (I + tau n^T)``. A second motion has the same homography: its rotation is R times
-    that of the quaternion ``(2 + n . tau, n x tau)``, its direction is ``R (2 n + n . n tau)``, and
-    its plane normal is along ``n + 2 tau``. For small motions, the second motion has the
-    translation along the first normal and the normal along the first translation (Longuet-Higgins,
-    Proc. R. Soc. B 223, 1984, DOI 10.1098/rspb.1984.0088; relations of Malis and Vargas, INRIA
-    RR-6303, 2007). If the second plane is behind the camera for most matches, the signs of its
-    normal and of the direction are reversed. Matches with a residual beyond ``gate`` are left out.
+    The plane is ``n . X = 1`` in the axes of camera 0, with the length of the translation as the
+    unit of length. Along a ray a the inverse depth of the plane is ``n . a``. n is fitted to the
+    inverse depths of the matches under the motion ``R, t``. With ``tau = R^T t`` the homography of
+    the plane is ``R (I + tau n^T)``. The second motion has the same homography. The rotation
+    ``other_R`` is R times the rotation of the quaternion ``(2 + n . tau, n x tau)``, the direction
+    ``other_t`` is along ``R (2 n + n . n tau)``, and the second plane has a normal along
+    ``n + 2 tau``. For small motions, the second motion has the translation along the first normal
+    and the normal along the first translation (Longuet-Higgins, Proc. R. Soc. B 223, 1984, DOI
+    10.1098/rspb.1984.0088; relations of Malis and Vargas, INRIA RR-6303, 2007). If the second plane
+    is behind the camera for most matches, ``other_t`` is reversed. Matches with a residual beyond
+    ``gate`` are left out. The function also returns False for a plane at infinity.
     """
     inverse, accuracy, n = np.empty(count), np.empty(count), np.empty(3)
     direction = vector(t)
@@ -73,7 +75,10 @@ def second_planar_motion(
 
 @step_kernel
 def _ahead_of(pairs: np.ndarray, accuracy: np.ndarray, normal: Vector) -> int:
-    """Number of weighted matches with rays along a direction minus number of those against it."""
+    """Number of matches with ``normal . a > 0`` minus number of other matches.
+
+    a is the ray in camera 0. Matches with ``accuracy`` 0 are not counted.
+    """
     ahead = 0
     for i in range(accuracy.size):
         along = dot(normal, ray0(pairs, address(i)))
@@ -90,9 +95,11 @@ def _inverse_distances(
     inverse: np.ndarray,
     accuracy: np.ndarray,
 ) -> None:
-    """Inverse depth of each match, and the information on the inverse depth.
+    """Write the inverse depth of each match, and the information on the inverse depth.
 
-    The information is 0 for a match with a residual beyond the gate.
+    The information, ``accuracy``, is the squared sine of the angle between ray and epipole: the
+    information up to a factor common to all matches. The value is 0 for a match at the epipole or
+    with a residual beyond the gate.
     """
     tau = rotate_back(R, t)
     for i in range(inverse.size):
@@ -106,7 +113,7 @@ def _inverse_distances(
 @step_kernel
 def _inverse_distance(a: Vector, back: Vector, tau: Vector) -> tuple[float, float]:
     """Inverse depth of a match, and the squared sine of the angle between ray and epipole."""
-    # back = l0 a + tau up to length: its cross product gives a x back = (back x tau) / l0.
+    # back is parallel to l0 a + tau, where l0 is the depth: a x back = (back x tau) / l0.
     across = cross(back, tau)
     square = dot(across, across)
     return dot(cross(a, back), across) / square, square
@@ -146,13 +153,15 @@ def bas_relief_motion(
     other_R: np.ndarray,
     other_t: np.ndarray,
 ) -> bool:
-    """Bas-relief alternative of a motion; False without near and far points.
+    """Bas-relief alternative of a motion; False if the near points fix no rotation.
 
     In a narrow field of view, a translation across the mean ray and a rotation cause nearly the
-    same flow of points at one depth. If a rotation explains the flow of the near points, the far
-    points flow in the opposite direction. The component of the direction along the mean ray does
-    not change, because no rotation causes the same flow. Points nearer than the median depth are
-    near points. Matches with a residual beyond ``gate`` are left out.
+    same flow of points at one depth. In the alternative motion, the rotation ``other_R`` explains
+    the flow of the near points. After this rotation, far points flow in the opposite direction, so
+    the component of the direction across the mean ray is reversed in ``other_t``. The component
+    along the mean ray is kept, because no rotation causes the flow of a translation along the mean
+    ray. Points nearer than the median depth are near points. Matches with a residual beyond
+    ``gate`` are left out.
     """
     M, nearness, ahead = np.empty((3, 3)), np.empty(count), np.empty(3)
     clear(M)

@@ -1,4 +1,4 @@
-"""Modes of the likelihood in other directions, with nearly the same likelihood.
+"""Other modes of the likelihood: nearly as likely, with another direction of translation.
 
 With little parallax, a rotation can explain most of the flow of a translation, and another
 translation explains the remaining flow. The likelihood then has several maxima, each with a small
@@ -35,9 +35,9 @@ def likeliest_other_mode(
     """Log-likelihood ratio of a pose to the likeliest mode in another direction.
 
     Both likelihoods are averaged over nearby poses (Laplace). Local searches start at the rotation
-    ``start_R`` (3, 3) and `START_DIRECTIONS` directions, with the noise of ``pose``.
-    ``mode`` receives the likeliest mode; the ratio is infinite if no mode is within the margin of
-    `hypothesis_comparison.refine_if_competitive`. ``pose`` stays unchanged.
+    ``start_R`` (3, 3) and each of `START_DIRECTIONS` directions, with the noise of ``pose``.
+    ``mode`` receives the likeliest mode. The ratio is infinite if no mode in another direction
+    (`COS_SAME_MODE`) has a log-likelihood ratio below `MODE_MARGIN`. ``pose`` stays unchanged.
     """
     own = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
     other = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
@@ -69,7 +69,7 @@ def compare_with_mode(matches: PackedMatches, pose: Pose, mode: Pose) -> float:
 def _refine_from(
     matches: PackedMatches, R: np.ndarray, t: np.ndarray, mixture: np.ndarray, pose: Pose
 ) -> None:
-    """Local maximum of the likelihood near ``R, t``, with noise parameters."""
+    """Local maximum ``pose`` of the likelihood, refined from ``R``, ``t`` and ``mixture``."""
     _start_from(R, t, mixture, pose)
     refine(matches, COARSE_STEPS, pose)
 

@@ -29,7 +29,7 @@ __all__ = [
 ]
 
 
-# Folder of the kernels that those of any package may call.
+# Folder of the kernels that the kernels of every package may call.
 SHARED_KERNELS = Path(__file__).parent
 
 
@@ -71,8 +71,8 @@ _Decorator = Callable[[Callable[..., Any]], Any]
 # Untyped: numba's type hints lack some of its options.
 _njit: Any = numba.njit
 
-# Divisions follow IEEE 754 (inf and NaN), as in NumPy. ``fastmath`` is explicit; by default a
-# function takes that of the caller for which it is compiled first.
+# Divisions follow IEEE 754 (inf and NaN), as in NumPy. ``fastmath`` is explicit, because by default
+# a function takes the setting of the caller for which the function is compiled first.
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": False, "no_cfunc_wrapper": True}
 # Sums in any order and fused multiply-adds; NaN and infinity keep their meaning.
 _SUM_OPTIONS = _OPTIONS | {"fastmath": {"reassoc", "contract", "nsz"}}
@@ -92,11 +92,12 @@ step_kernel: _Decorator = partial(_njit, inline="always", **_OPTIONS)
 # Body of a loop: every operation as written, inlined by LLVM.
 inlined_kernel: _Decorator = partial(_njit, forceinline=True, **_OPTIONS, **_INNER)
 
-# A loop over matches that adds several at once, for loops that write to no array: a loop that
-# writes checks at run time whether its arrays overlap, and takes matches one by one if they are
-# neighbours in memory, which changes the last digits of sums. LLVM inlines it: compiled by itself
-# and once more within its caller, it could add in two orders, and a process that compiles would use
-# the one where a process that loads the compiled kernel uses the other.
+# A loop over matches whose sums LLVM may vectorise, and so add in another order. Only for loops
+# that write to no array: a loop that writes checks at run time whether the arrays overlap, and adds
+# one match at a time if the arrays are neighbours in memory, so the last digits of sums would
+# depend on addresses. LLVM always inlines the loop: a second copy, compiled outside the caller,
+# could add in another order, and a process that compiles the caller would use another copy than a
+# process that loads the compiled caller.
 sum_kernel: _Decorator = partial(_njit, forceinline=True, **_SUM_OPTIONS, **_INNER)
 
 # Called by Python: loops that may add in any order, such as those over the observations of a
@@ -110,12 +111,14 @@ _has_announced = threading.Event()
 
 
 class AnnouncedCompilation:
-    """Print a notice on standard error, once, if the kernels of a step have to be compiled first.
+    """Print a notice on standard error, once, if kernels seem to be compiled during a step.
+
+    A step of more than `COMPILE_NOTICE_S` counts as a compilation.
 
     Parameters
     ----------
     step : str
-        Name of a step of the computation. Only the first step of a name in a process is watched.
+        Name of a step of the computation. Only the first step with this name in a process is timed.
     """
 
     def __init__(self, step: str) -> None:

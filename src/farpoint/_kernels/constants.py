@@ -1,9 +1,9 @@
 """Every number of the kernels that has a name: unit, meaning and origin.
 
 The origin is "derived" (from what), "convention", "measured" (by what), or "chosen" if no other
-origin is known. Packages above this one import shared numbers from here. A number that only the
-kernels of one package use is in that package. A constant that is a NumPy integer is an argument of
-kernels: for a literal, numba would compile these kernels again.
+origin is known. Other packages import the numbers that they share with the kernels from here. A
+number that only the kernels of one package use is in that package. A constant that is a NumPy
+integer is an argument of kernels: for a literal, numba would compile these kernels again.
 """
 
 from __future__ import annotations
@@ -35,15 +35,17 @@ GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 
 # --- Rounding and limits of numbers
 
-# Share of a number (or of 1 rad) that is rounding: keeps divisions and inverses finite. Chosen.
+# Relative rounding error (absolute for unit rays and probabilities): lower bound of divisors and
+# eigenvalues. Chosen.
 ROUNDING = 1e-12
 
 # Prevents 0 / 0 for a match at the epipole, which satisfies any epipolar plane (e = g = 0).
 # Chosen: below any variance.
 TINY = 1e-300
 
-# Variance that stands for no information: rad^2 for filler, which is consistent with any pose;
-# squared unit of an inverse distance. Chosen.
+# Variance that stands for no information: of the rays of filler (`pairs`), rad^2, so that filler is
+# consistent with any pose; of an inverse distance, in the squared unit of the inverse distance.
+# Chosen.
 NO_INFORMATION_VARIANCE = 1e12
 
 # Lower bound of the mean variance of a match, rad^2: rounding of the rays. Chosen.
@@ -52,41 +54,46 @@ MIN_VARIANCE_RAD2 = 1e-30
 # Lower bound of the outlier probability, for logarithms. Derived: rounding of 1.
 MIN_OUTLIER_PROBABILITY = 1e-16
 
-# Lower bound of the probabilities of inlier and outlier under two models. Chosen: rounding of 1.
+# Lower bound of the outlier probability of a match under the general motion and under the pure
+# rotation, for logarithms and odds. Chosen: rounding of 1.
 MIN_MODEL_PROBABILITY = 1e-15
 
-# Lower bound of the prior of a parallax: a match without support is an outlier with a finite cost.
-# Chosen.
+# Lower bound of the parallax prior of a match. A match whose parallax no other match supports then
+# is an outlier with a finite cost. Chosen.
 MIN_PARALLAX_PRIOR = 1e-30
 
-# Share of the tail where the noise variance is bounded; its logarithm must exist. Chosen.
+# Share of the tail if the noise variance has an upper bound: no tail, but larger than 0, because
+# the prior of the share contains the logarithm of the share. Chosen.
 NO_TAIL_SHARE = 1e-9
 
-# Variance, in units of the noise, with which all matches have the same weight. Chosen.
+# Variance of the core, in squared units of the noise, so large that all matches have the same
+# robust weight, as in least squares. Chosen.
 UNIFORM_WEIGHTS_VARIANCE = 1e20
 
 # --- Statistics
 
-# Standard deviations beyond which normal noise does not explain a value: its residual, parallax,
-# or the end of a fall-off. Convention: 3 sigma, exceeded with a probability of 0.0027.
+# Number of standard deviations beyond which normal noise does not explain a residual or a parallax,
+# and at which a Gaussian fall-off ends. Convention: 3 sigma, exceeded with a probability of 0.0027.
 GATE_SIGMA = 3.0
 
 # Degrees of freedom of Student's t, which has the tails of residuals of tracks. Convention.
 STUDENT_FREEDOM = 5.0
 
-# Parameters of a motion up to scale, matches that fix the motion, and effective matches per one
-# that dominates a given axis of the pose. Derived: rotation (3), direction (2).
+# Number of parameters of a motion up to scale, and number of matches that fix the motion. The
+# effective number of matches divided by this number is that along one axis of the pose. Derived:
+# rotation (3), direction (2).
 POSE_PARAMETERS = 5
 
-# Least number of matches that are evidence of a motion, or of a part of the scene. Convention:
-# five matches fix a motion, and a consensus needs a few more.
+# Least number of matches for a motion, and for any group of matches that is tested or fitted by
+# itself. Convention: five matches fix a motion, and a consensus needs a few more.
 MIN_MATCHES = 8
 
-# Number of matches that fit a pose by chance. Derived: the five of the sample, and one more.
+# Expected number of inliers up to which a pose may fit by chance. Derived: the five of the sample,
+# one more, and a margin of 0.5.
 CHANCE_MATCHES = 6.5
 
-# Least share of the matches that is evidence: of inliers of a pose, of points on a pixel grid, of
-# parallaxes below a length, of repeated structure. Chosen.
+# Least share that is not by chance: of inliers of a pose among the matches, of matches on a pixel
+# grid, and of inliers with a parallax below the length in `parallax_noise`. Chosen.
 MIN_SHARE = 0.1
 
 # Least number of inliers from which a parameter of the noise is estimated. Chosen.
@@ -97,35 +104,37 @@ MIN_NOISE_MATCHES = 30
 # Upper bound of the iterations of Newton, Gauss-Newton and EM, which end by convergence. Chosen.
 MAX_ITERATIONS = np.int64(20)
 
-# Upper bound of the steps of a coarse refinement: of a hypothesis, a half, an error of the lens, a
-# division into two parts. # Chosen.
+# Upper bound of the steps of a coarse refinement: of a hypothesis, of a pose by half of the
+# matches, of errors of the lens. Chosen.
 COARSE_STEPS = np.int64(10)
 
-# Rounds of EM for a few parameters: of a plane, of its relief, of a noise floor. Chosen.
+# Upper bound of the rounds of EM, or of reweighted least squares, for a few parameters: of a plane,
+# of the relief of a plane, of a noise floor, of the shares of two motions. Chosen.
 EM_ROUNDS = 8
 
 # Upper bound of alternations between two estimates that depend on each other: prior of the
-# parallax and refinement, correction of the rows and motion. Chosen.
+# parallax and refinement, correction of rolling-shutter rows and motion. Chosen.
 ALTERNATIONS = 4
 
-# Upper bound of repetitions of a whole step: average of the covariance, move to a likelier mode.
-# Chosen.
+# Upper bound of the repetitions of the average of the covariance over nearby poses. Chosen.
 OUTER_ROUNDS = 3
 
-# Length of a step or rotation, rad, whose square is within the noise: the last step of Newton's
-# method for five rays, and a rotation in which a ray is linear. Derived: the second order is 5e-5.
+# Angle, rad, up to which the second order of a rotation is within the noise. Newton's method for
+# five rays ends at a step of this length, and rays are linear in a rotation up to this angle.
+# Derived: the second order is 5e-5 rad.
 LINEAR_STEP_RAD = 0.01
 
 # Predicted decrease of the cost, in log likelihood, at which a coarse refinement ends: that of a
-# hypothesis, of the plane and of its EM. Chosen.
+# hypothesis, of the two motions of a plane, and the first of a general motion. Also the change of
+# the log likelihood at which EM of the relief of a plane ends. Chosen.
 COARSE_TOLERANCE = 0.1
 
-# Predicted decrease of the cost, in log likelihood, at which the last refinement ends. Derived:
-# 1/30 sigma.
+# Predicted decrease of the cost, in log likelihood, at which the last refinement ends. Derived: a
+# step of 1/30 sigma.
 FINE_TOLERANCE = 1e-3
 
-# Predicted decrease of the cost, in log likelihood, at which the refinement of a half ends. Chosen:
-# far below the noise of a half.
+# Predicted decrease of the cost, in log likelihood, at which the refinement by half of the matches
+# ends. Chosen: a step far below the sigma of the pose from half of the matches.
 HALF_TOLERANCE = 1e-2
 
 # Upper bound of the sweeps of Jacobi's method. Chosen: five are usual.
@@ -133,27 +142,29 @@ JACOBI_SWEEPS = 30
 
 # --- Vector instructions and packed matches
 
-# Numbers that a vector instruction processes at once, at most: lanes of the five rays of a
-# sample, three of them filler; lines of a window have a multiple of it. Chosen.
+# Upper bound of the numbers that a vector instruction processes at once. The five matches of a
+# sample fill five of these lanes, and the lines of an image window are padded to a multiple.
+# Chosen.
 VECTOR_LANES = 8
 
-# Size of the rays of a sample. Derived: two rays of 3 coordinates.
+# Length of the array with the rays of a sample. Derived: two rays of 3 coordinates in each lane.
 SAMPLE_SIZE = 6 * VECTOR_LANES
 
-# Matches of a panel, as the shift and mask of `pairs.address`. Chosen.
+# Number of matches in a panel; must agree with the shift and the mask in `pairs.address`. Chosen.
 LANES = 16
 
-# Rows of a panel of matches: two rays, their covariances (upper triangles), mean variance of the
-# flow. Derived from their sizes.
+# First rows of the fields in a panel of matches: the two rays, the covariances of the rays (upper
+# triangles), the mean variance of the flow. Derived from the sizes of the fields.
 RAY0, RAY1, COVARIANCE0, COVARIANCE1, FLOW, _PANEL_ROWS = _ends(0, 3, 3, 6, 6, 1)
 
 # Length of a panel of matches. Derived.
 PANEL = _PANEL_ROWS * LANES
 
-# Rows of a panel of terms: Jacobian (5), residual, derivative of the Jacobian by the inverse depth
-# (5); weight of Jacobian and residual, weight of that derivative, weight of the residual,
-# information missing of it, square of the weighted residual; inverse depth and its variance.
-# Derived from their sizes.
+# First rows of the fields in a panel of terms (`information`): Jacobian (5); residual; derivative
+# of the Jacobian by the inverse depth (5); weight of Jacobian and residual; weight of the
+# derivative; robust weight; information that is lost because the mixture component of the match is
+# unknown; squared weighted residual; inverse depth; variance of the inverse depth. Derived from the
+# sizes of the fields.
 (
     TERM_JACOBIAN,
     TERM_RESIDUAL,
@@ -171,7 +182,8 @@ PANEL = _PANEL_ROWS * LANES
 # Length of a panel of terms. Derived.
 TERMS = int(_TERM_ROWS) * LANES
 
-# Empty sums of products of rows of 4, 5 and 6 numbers. Derived: a triangle each.
+# Zeros, from which `normal_equations.add_four`, `add_five` and `add_six` start to sum. Derived: a
+# lower triangle each.
 SUMS_OF_FOUR, SUMS_OF_FIVE, SUMS_OF_SIX = ((0.0,) * sum(range(rows + 1)) for rows in range(4, 7))
 
 # State of a refinement between steps: lowest cost, mean weighted squared residual of the inliers
@@ -180,7 +192,7 @@ SUMS_OF_FOUR, SUMS_OF_FIVE, SUMS_OF_SIX = ((0.0,) * sum(range(rows + 1)) for row
 STATE_LOWEST, STATE_SQUARE, STATE_DAMPING, STATE_OVER_RELAXED, STATE_PREDICTED_DECREASE = range(5)
 
 # Layout of the array that keeps the likeliest pose: rotation (9), direction, mixture, normal
-# equations, cost, and the shares as of `likelihood.linearize`. Derived from their sizes.
+# equations, cost, and the shares of `likelihood.linearize`. Derived from the sizes of the fields.
 KEPT_T, KEPT_MIXTURE, KEPT_NORMAL, KEPT_COST, KEPT_SHARES, KEPT_SIZE = _ends(9, 3, 4, 36, 1, 4)
 
 # --- Search for a motion
@@ -189,14 +201,15 @@ KEPT_T, KEPT_MIXTURE, KEPT_NORMAL, KEPT_COST, KEPT_SHARES, KEPT_SIZE = _ends(9, 
 # result. Chosen.
 MAX_SEARCHED = 160
 
-# Samples for the far rotation of a subsample, at most. Chosen.
+# Upper bound of the RANSAC samples for the rotation of the far matches. Chosen.
 FAR_START_SAMPLES = np.int64(50)
 
-# Size of a sample for a rotation, whose matches fit it by construction. Chosen: one more than fix
-# it.
+# Number of matches in a sample for a rotation; these matches fit the rotation by construction.
+# Chosen: one more than the two that fix a rotation.
 ROTATION_SAMPLE = 3
 
-# Factor on the tolerance where no other match is consistent with a rotation. Chosen.
+# Factor by which the tolerance is widened if no match beside the sample is consistent with a
+# rotation. Chosen.
 TOLERANCE_WIDENING = 4.0
 
 # Upper bound of the times that the tolerance is widened. Chosen.
@@ -209,19 +222,20 @@ INITIAL_PAIRS = np.int64(16)
 # from that rotation. Chosen.
 LONG_FLOW_RAD = 0.05
 
-# Upper bound of the factor on the number of samples for a long flow: samples then start from
-# rotations of their own. Chosen.
+# Upper bound of the factor on the number of samples for a long flow: a sample that does not start
+# at the best pose then starts at the rotation that aligns the rays of the sample. Chosen.
 MAX_RESTART_FACTOR = 2.0
 
 # Probability that the initial pose leads to a wrong mode, without outliers and with a short flow.
 # Measured on synthetic and real pairs; the command is not recorded.
 START_FAILURE_RATE = 0.02
 
-# Share of outlier-free samples that converge to the right mode, where the initial pose is
-# reliable. Chosen.
+# Share of outlier-free samples that converge to the right mode if the initial pose is reliable.
+# Chosen.
 CONVERGENCE_RATE = 0.5
 
-# Share of consistent matches above which a pose is related to the right one. Chosen.
+# Inlier share of the best pose, above which the inliers of the best pose are taken as inliers of
+# the right pose. Chosen.
 RELATED_CONSENSUS = 0.4
 
 # Upper bound of the steps of Newton's method for five rays. Chosen.
@@ -230,12 +244,12 @@ FIVE_RAY_STEPS = 7
 # Length of the longest step of Newton's method for five rays, rad. Chosen.
 LONGEST_FIVE_RAY_STEP = 0.5
 
-# Ratio of the truncated squares of a hypothesis to the lowest so far, below which the hypothesis is
-# refined. Chosen.
+# Ratio of the truncated sum of squares (`five_rays.score_pose`) of a hypothesis to the lowest sum
+# so far; a hypothesis with a larger ratio is not refined. Chosen.
 MAX_SCORE_RATIO = 2.0
 
-# Ratio of the support of a hypothesis (limit minus truncated squares) to the highest so far, from
-# which on the hypothesis is refined. Chosen.
+# Ratio of the support of a hypothesis (largest possible minus actual truncated sum of squares) to
+# the highest support so far; a hypothesis with a smaller ratio is not refined. Chosen.
 MIN_SUPPORT_RATIO = 0.5
 
 # --- Comparison of hypotheses and modes
@@ -250,15 +264,16 @@ PLANAR_MARGIN = 100.0
 # Cosine of the angle (20 deg) beyond which two directions are different modes. Chosen.
 COS_DIFFERENT_MODE = 0.94
 
-# Cosine of the angle between two directions, above which they are the same mode of the search
-# from many directions, and one may be the other motion of a plane. Chosen: 30 deg.
+# Cosine of the angle between two directions, above which both belong to the same mode in
+# `competing_modes`, and above which the second motion of a plane adds to the covariance. Chosen: 30
+# deg.
 COS_SAME_MODE = math.cos(math.radians(30.0))
 
 # Number of initial directions, evenly over the sphere. Chosen.
 START_DIRECTIONS = 12
 
-# Factor on the predicted decrease in the upper bound of the remaining gain, which is the product
-# plus the last decrease. Chosen.
+# Upper bound of the remaining gain of a refinement: this factor times the predicted decrease, plus
+# the last decrease. Chosen.
 REMAINING_GAIN_FACTOR = 4.0
 
 # Difference in log likelihood within which two hypotheses are the same mode. Chosen.
@@ -299,23 +314,24 @@ OVER_RELAXATION = 3.0
 # Over-relaxation of EM: upper bound. Chosen.
 MAX_OVER_RELAXATION = 0.7
 
-# Flow away from the direction, in sigma, that noise causes for a far point. Derived: exceeded by
-# one of 160.
+# Flow away from the direction, in sigma, up to which noise explains the flow of a far point.
+# Derived: exceeded by 1 of 160 far points.
 CHEIRALITY_SIGMA = 2.5
 
-# Factor on the exponent of the density beyond `CHEIRALITY_SIGMA`. Chosen: at 8.5 sigma the density
-# equals that of the noise.
+# Factor w in the density factor exp(-w (s - c)^2 / 2) of a flow of s > c = `CHEIRALITY_SIGMA` away
+# from the direction. Chosen: at s = 8.5 the factor equals exp(-s^2 / 2), that of normal noise.
 CHEIRALITY_WEIGHT = 2.0
 
-# Expected number of inliers with a cheirality penalty, below which the penalty is no residual.
-# Chosen.
+# Expected number of inliers with a cheirality penalty, below which the normal equations contain no
+# cheirality residuals. Chosen.
 MIN_PENALISED_INLIERS = 0.01
 
-# Cheirality penalty beyond which the penalty is no residual of a match. Chosen.
+# Cheirality penalty of a match, from which on the normal equations do not contain the cheirality
+# residual of the match. Chosen.
 MAX_CHEIRALITY_PENALTY = 64.0
 
-# Half-width of the outlier strip over the scale of the Cauchy distribution of repeated structure,
-# within which half of it lies. Chosen.
+# Half-width of the outlier strip over the scale of the Cauchy distribution of repeated structure.
+# Half of the distribution lies within plus or minus the scale. Chosen.
 REPEATED_WIDTH_RATIO = 32.0
 
 # Upper bound of the inlier probability, for the odds of the sign. Chosen.
@@ -323,14 +339,15 @@ MAX_SIGN_PROBABILITY = 0.99
 
 # --- Parallax
 
-# Longest length over the mean parallax; each further length is half of the previous. Chosen.
+# Longest candidate for the length in `parallax_noise`, over the mean parallax; each further
+# candidate is half of the previous one. Chosen.
 LONGEST_PARALLAX_LENGTH = 4.0
 
-# Number of lengths of the parallax. Chosen.
+# Number of candidates for the length in `parallax_noise`. Chosen.
 PARALLAX_LENGTHS = 9
 
-# Limit of twice the log-likelihood ratio of noise that scales with parallax. Derived: chance
-# exceeds it in 1 of 2000 cases.
+# Limit of twice the log-likelihood ratio of noise that scales with parallax to constant noise.
+# Derived: constant noise exceeds the limit in 1 of 2000 cases.
 SCALING_NOISE_LIMIT = 11.0
 
 # Lower bound of the absolute residual over sigma, for its logarithm. Chosen.
@@ -340,36 +357,39 @@ MIN_LOG_RESIDUAL = 0.1
 # Chosen.
 PARALLAX_FALSE_ALARM = 0.05
 
-# Least distance from the last supported parallax to the end of the prior, as a share of that
-# parallax. Chosen.
+# Least distance from the largest supported parallax to the start of the fall-off of the parallax
+# prior, as a share of this parallax. Chosen.
 MIN_PRIOR_TAIL = 0.1
 
-# Sigma of the fall-off of the prior, as a share of the distance to its end. Chosen.
+# Sigma of the Gaussian fall-off of the parallax prior, as a share of the distance from the largest
+# supported parallax to the start of the fall-off. Chosen.
 PRIOR_FALL_OFF = 0.3
 
 # Histogram of the parallax: number of bins. Chosen.
 PARALLAX_BINS = 64
 
-# Width of a bin of the parallax, in ranks. Chosen: beyond the noise a bin spans a factor of 1.5.
+# Width of a bin of the parallax p in asinh(p / (3 sigma)). Chosen: beyond the noise a bin spans a
+# factor of 1.5.
 PARALLAX_BIN = 0.4
 
-# Rank of the first bin, at the end of the band. Derived.
+# Position of the first bin in asinh(p / (3 sigma)). Derived: a parallax of p = -3 sigma.
 FIRST_RANK = math.asinh(-1.0)
 
-# Uniform pseudo-count of inliers up to the end of the prior. Convention: Krichevsky and Trofimov,
-# IEEE Trans. Inf. Theory 27, 1981, DOI 10.1109/TIT.1981.1056331.
+# Pseudo-count of inliers, uniform in the parallax up to the start of the fall-off of the prior.
+# Convention: Krichevsky and Trofimov, IEEE Trans. Inf. Theory 27, 1981, DOI
+# 10.1109/TIT.1981.1056331.
 UNIFORM_COUNT = 0.5
 
 # --- Plane and pure rotation
 
-# Prior of the share of matches anywhere on their lines, off the plane: number of matches off it.
-# An outlier or two lie on the lines of any motion. Chosen.
+# Prior of the share of matches off the plane, which lie anywhere on their epipolar lines:
+# pseudo-count of matches off the plane. An outlier or two lie on the lines of any motion. Chosen.
 OFF_PLANE_MATCHES = 4.0
 
-# Number of all matches in the prior of the share of matches off the plane. Chosen.
+# Prior of the share of matches off the plane: pseudo-count of all matches. Chosen.
 OFF_PLANE_PRIOR_MATCHES = 40.0
 
-# Weight of the prior variance across the lines, in matches. Chosen.
+# Weight, in matches, of the prior of the variance across the epipolar lines. Chosen.
 RELIEF_PRIOR_MATCHES = 60.0
 
 # Lower bound of the share of information that remains although outliers are unknown. Chosen.
@@ -389,14 +409,16 @@ MAX_LEVERAGE = 0.9
 # Relative change of the variance of the inverse depths at convergence. Chosen.
 DEPTH_CONVERGED = 1e-3
 
-# Least share of signal in the measured flow, along any axis, without shrinkage. Chosen.
+# Least share of the Gauss-Newton matrix that remains, along every axis of the pose, after the part
+# due to noise is subtracted; with less, the covariance is computed with shrunk flow. Chosen.
 MIN_SIGNAL = 0.85
 
-# Least share of signal at a pose nearby; with less the pose nearby has no covariance. Chosen.
+# The share of `MIN_SIGNAL` at a nearby pose, or for half of the matches; with less there is no
+# covariance. Chosen.
 MIN_SIGNAL_NEARBY = 0.25
 
-# Weight of the model variance of the gradient, in effective matches, against that of the scatter,
-# which is uncertain for few of them. Chosen.
+# Effective number of matches at which the variance of the gradient by the noise model and the
+# scatter of the gradient have the same weight; few matches have an uncertain scatter. Chosen.
 MODEL_VARIANCE_WEIGHT = 120.0
 
 # Upper bound of the relative excess of the average over the covariance at the pose. Chosen.
@@ -419,7 +441,8 @@ MAX_NEIGHBOUR_QUERIES = 400
 MIN_CORRELATED_MATCHES = 50
 
 # Limit of the correlation of neighbouring residuals times the square root of their number. For
-# independent noise its standard deviation is 1.1. Derived: 1 % of cases exceed the limit.
+# independent noise this product has a standard deviation of 1.1. Derived: 1 % of cases exceed the
+# limit.
 CORRELATED_Z = 2.5
 
 # Number of times that every part of the image is split in two. Chosen.

@@ -34,8 +34,8 @@ __all__ = [
     "step_with_shrunk_flow",
 ]
 
-# Measured flow, or flow shrunk by its BLUP. NumPy booleans: numba would compile the kernels twice
-# for literals.
+# Measured flow, or flow shrunk as in `information`. NumPy booleans: numba would compile the kernels
+# twice for literals.
 MEASURED_FLOW, SHRUNK_FLOW = np.bool_(False), np.bool_(True)
 
 
@@ -48,10 +48,11 @@ def covariance_here(
     The covariance is the sandwich ``H^-1 V H^-1``. H is the Gauss-Newton matrix of `information`.
     Without ``shrunk_flow``, the part of H that is due to noise is subtracted. V is the variance of
     the gradient: a weighted mean of the Gauss-Newton matrix and the scatter over the matches. The
-    weight of the scatter grows with the effective number of matches. The function returns whether
-    at least a share ``least`` of the Gauss-Newton matrix is signal, along every axis. If this share
-    is not reached and the flow is not shrunk, ``out`` is infinite. ``out`` is also infinite if the
-    matches determine no pose, or if the mixture components of all matches are uncertain.
+    weight of the scatter grows with the effective number of matches. The function returns whether,
+    along every axis, at least a share ``least`` of the Gauss-Newton matrix remains after the part
+    that is due to noise is subtracted. If less remains and the flow is not shrunk, ``out`` is
+    infinite. ``out`` is also infinite if the matches determine no pose, or if the mixture
+    components of all matches are uncertain.
     """
     normal, noise, spare = np.empty((6, 6)), np.empty((5, 5)), np.empty((5, 5))
     scatter, variance, whole = np.empty((5, 5)), np.empty((5, 5)), np.empty((5, 5))
@@ -143,11 +144,12 @@ def covariance_around(
 ) -> None:
     """Mean ``out`` (5, 5) of the covariance over the poses within one sigma of this pose.
 
-    The mean is computed to second order: the ``covariance`` at this pose plus a mean excess. The
-    excess is evaluated at the two poses one sigma from this pose along each principal axis, and the
-    poses are weighted by their likelihood. Along every axis the excess is limited to between 0 and
-    `MAX_COVARIANCE_EXCESS` times the covariance. If the variance of the direction grows by more
-    than `REPEAT_AVERAGE_ABOVE`, the mean is computed again with the larger covariance.
+    The mean is computed to second order: the ``covariance`` at this pose plus an excess. The excess
+    is a sum over the principal axes. Each axis contributes the mean excess at the two poses one
+    sigma from this pose along the axis, weighted by the likelihoods of these poses. Along every
+    axis the excess is limited to between 0 and `MAX_COVARIANCE_EXCESS` times the covariance. If the
+    variance of the direction grows by a factor above `REPEAT_AVERAGE_ABOVE`, but stays below
+    `MAX_DIRECTION_VARIANCE`, the mean is computed again over the larger covariance.
     """
     allowed = np.empty((5, 5))
     copy(covariance, out)
@@ -171,7 +173,7 @@ def _average(
     allowed: np.ndarray,
     out: np.ndarray,
 ) -> None:
-    """The ``covariance`` (5, 5) plus the mean excess at poses within the covariance ``allowed``."""
+    """The ``covariance`` (5, 5) plus the excess at the poses one sigma of ``allowed`` away."""
     steps, variances = np.empty((5, 5)), np.empty(5)
     excess, half = np.empty((5, 5)), np.empty((5, 5))
     _half_axes(allowed, steps, variances)
@@ -179,7 +181,8 @@ def _average(
     _half_axes(covariance, steps, variances)
     _product(steps, excess, half)
     _product(half, steps, excess)
-    # In axes in which the covariance is the identity, the eigenvalues of the excess are relative.
+    # In axes in which the covariance is the identity, the eigenvalues of the excess are ratios of
+    # the excess to the covariance.
     for k in range(5):
         for j in range(5):
             excess[k, j] /= variances[k] * variances[j]
@@ -225,11 +228,13 @@ def _mean_excess(
     steps: np.ndarray,
     out: np.ndarray,
 ) -> None:
-    """Mean excess ``out`` (5, 5) over a ``covariance`` at the poses moved by plus or minus a step.
+    """Excess ``out`` (5, 5) of the covariance at nearby poses over that at this pose.
 
-    The rows of ``steps`` (5, 5) are the steps, one for each principal axis. The two poses of an
-    axis are weighted by their likelihoods, which are averaged over nearby poses. Without enough
-    signal at a pose, its covariance is 1 + `MAX_COVARIANCE_EXCESS` times ``covariance``.
+    The rows of ``steps`` (5, 5) are the steps to nearby poses, one for each principal axis. ``out``
+    is a sum over the axes. Each axis contributes the mean excess at the poses moved by plus and
+    minus the step, weighted by the likelihoods of the two poses (`_log_likelihood_beside`). If
+    `covariance_beside` finds no covariance at a pose, 1 + `MAX_COVARIANCE_EXCESS` times
+    ``covariance`` is used.
     """
     back = np.empty(5)
     clear(out)

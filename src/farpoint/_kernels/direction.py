@@ -1,9 +1,9 @@
 """Direction of translation at a known rotation: intersections of great circles.
 
-After the rotation, a match moves along the great circle through its two rays. The great circles of
-all matches intersect at the direction of translation. The intersection of two circles is the cross
-product of their normals. The intersection may lie in the image, at 90 degrees from the optical
-axis, or behind the camera.
+After the rotation is removed from the flow, a match moves along the great circle through its two
+rays. The great circles of all matches intersect at the direction of translation. The intersection
+of two circles is the cross product of their normals. The intersection may lie in the image, at 90
+degrees from the optical axis, or behind the camera.
 """
 
 from __future__ import annotations
@@ -37,13 +37,16 @@ def circle(pairs: np.ndarray, R: Matrix, i: int) -> tuple[Vector, Vector]:
     at = address(i)
     m = rotate(R, ray0(pairs, at))
     flow = axpby(1.0, ray1(pairs, at), -1.0, m)
-    # m x (b - m): exact where the flow is short.
+    # m x (b - m) equals m x b, and is more exact for a short flow.
     return cross(m, flow), flow
 
 
 @inner_kernel
 def intersect_circles(pairs: np.ndarray, R: np.ndarray, i: int, j: int, t: np.ndarray) -> bool:
-    """Direction ``t`` (3,) towards which both matches ``i`` and ``j`` flow."""
+    """Intersection ``t`` (3,) of the great circles of two matches; False if the circles coincide.
+
+    Of the two opposite intersections, ``t`` is the one towards which the sum of both flows points.
+    """
     rotation = matrix(R)
     normal0, flow0 = circle(pairs, rotation, i)
     normal1, flow1 = circle(pairs, rotation, j)
@@ -63,13 +66,13 @@ def pairwise_direction(
     R: np.ndarray,
     partial: np.ndarray,
 ) -> None:
-    """Weighted sum of all pairwise intersections (eqs. 14-17), by match.
+    """Weighted sum of all pairwise intersections, by match (Burschka and Mair 2008, eqs. 14-17).
 
     ``partial[i]`` (N, 3) receives ``sum_j w_i w_j c_ij (n_i x n_j)`` with unit normals n. The
     length of the cross product, the sine of the angle between both circles, is a weight of the
-    pair. The sign c = +-1 is such that both matches flow towards the intersection. Each pair is in
-    two rows, so the sum over all rows is twice the sum over all pairs. To leave out a match,
-    subtract the row of the match from the sum over all pairs.
+    pair. The sign c = +-1 is such that the sum of both flows, as unit vectors, points towards the
+    intersection. Each pair is in two rows, so the sum over all rows is twice the sum over all
+    pairs. To leave out a match, subtract the row of the match from the sum over all pairs.
     """
     n = weight.size
     rotation = matrix(R)

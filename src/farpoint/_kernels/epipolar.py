@@ -93,11 +93,11 @@ def sampson_jacobian(
 
 @inlined_kernel
 def flow_along(m: Vector, b: Vector, t: Vector) -> tuple[float, float]:
-    """Signed flow from ``m`` to ``b`` along the great circle towards ``t``, and the squared sine of
-    the angle between ``m`` and ``t``.
+    """Signed flow from ``m`` to ``b`` towards ``t``, and squared sine of the angle of ``m``, ``t``.
 
     With ``a = t - (m . t) m`` the flow is ``b . a`` and the squared sine is ``a . a``. A short flow
-    is therefore the angle from ``m`` to ``b`` times the sine.
+    is therefore the angle from ``m`` to ``b`` along the great circle through ``m`` and ``t``, times
+    the sine.
     """
     reach = dot(m, t)
     return fma(-reach, dot(m, b), dot(b, t)), fma(-reach, reach, 1.0)

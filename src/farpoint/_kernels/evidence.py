@@ -31,11 +31,13 @@ def label_matches(
     outlier_share: float,
     labels: np.ndarray,
 ) -> tuple[int, float, float]:
-    """Label the matches; returns the number of inliers and the log odds of sign and motion.
+    """Label the matches; returns the number of non-zero labels and the log odds of sign and motion.
 
-    The log odds of the motion are relative to the hypothesis that all matches are outliers;
-    ``outlier_share`` is the share of outliers under the motion. ``labels`` (N,) receives 0 for an
-    outlier, 2 for an inlier with a parallax above `GATE_SIGMA`, and 1 for any other match.
+    ``labels`` (N,) receives 0 for an outlier or a match with a parallax of -`GATE_SIGMA` sigma or
+    less, 2 for an inlier with a parallax above `GATE_SIGMA` sigma, and 1 for any other match. The
+    log odds of the sign compare the direction with the opposite direction. The log odds of the
+    motion compare the motion with the hypothesis that all matches are outliers; ``outlier_share``
+    is the share of outliers under the motion.
 
     P is the inlier probability of a match, and s the parallax of the match in sigma. The match adds
     ``log((P Phi(s) + (1 - P) / 2) / (P Phi(-s) + (1 - P) / 2))`` to the log odds of the sign.
@@ -61,12 +63,14 @@ def label_matches(
 def count_beyond_rotation(
     pairs: np.ndarray, inlier: np.ndarray, R: np.ndarray, other_R: np.ndarray, distance: float
 ) -> tuple[int, int]:
-    """Number of inliers beyond ``distance`` from every tested rotation, and number of all inliers.
+    """Number of inliers that the best of three rotations does not explain, and of all inliers.
 
-    ``inlier`` (N,) is 1 or 0, and ``distance`` is in units of the noise. Three rotations are
-    tested: ``R``, ``other_R``, and the least-squares rotation, which is one step from ``R``. The
-    rotation with the most inliers within the distance is used. The least-squares rotation also
-    explains flow that ``R`` leaves to a translation, but is not robust to outliers.
+    A rotation explains an inlier if the distance of the match from the prediction of the rotation
+    is at most ``distance``, in units of the noise. ``inlier`` (N,) is 1 or 0. The three rotations
+    are ``R``, ``other_R``, and the least-squares rotation, which is one step from ``R``. The best
+    of them explains the most inliers. The least-squares rotation also explains flow that ``R``
+    leaves to a translation, but is not robust to outliers. Both numbers are 0 if the inliers fix no
+    least-squares rotation.
     """
     step, nearest = np.empty(3), np.empty((3, 3))
     H, g, sums, mixture = np.empty((3, 3)), np.empty(3), np.empty(4), np.empty(3)

@@ -11,7 +11,7 @@ __all__ = ["exp_and_roots", "lane_log"]
 
 @inlined_kernel
 def exp_and_roots(x: float) -> tuple[float, float, float, float]:
-    """The powers 1, 1/8, 1/64 and 1/512 of ``exp(-x)``; constant for x beyond 15000.
+    """The powers 1, 1/8, 1/64 and 1/512 of ``exp(-x)``; constant for x beyond 15360.
 
     x must not be negative. The power series is evaluated at x / 65536. The result is squared seven
     times for the power 1/512, and three more times for each of the powers 1/64, 1/8 and 1. The

@@ -57,7 +57,7 @@ class SearchBudget(NamedTuple):
     tolerance: float
     """Residual of a consistent match, in units of the noise."""
     confidence: float
-    """Probability that the search has found the right mode."""
+    """Probability with which the search must find the right mode."""
     min_iterations: int
     """Minimum number of samples."""
     max_iterations: int
@@ -89,10 +89,10 @@ def score_pose(
 ) -> float:
     """Cost ``sum min(r^2, limit)`` of all matches, for the better sign of ``t``.
 
-    A match costs the full ``limit`` in two cases: the match flows away from ``t`` by more than the
-    limit (the point is behind the camera), or the epipole is between the two rays of the match.
-    Matches with prior 0 cost nothing. If the costs for both signs exceed ``best``, the function
-    returns early with a cost of at least ``best``. If the opposite sign is better, ``t`` is negated
+    A match costs the full ``limit`` in two cases: the match flows away from ``t`` by more than
+    ``sqrt(limit)`` times the noise (the point is behind the camera), or the epipole is between the
+    two rays of the match. Matches with prior 0 cost nothing. If the costs for both signs reach
+    ``best``, the function returns ``best`` early. If the opposite sign is better, ``t`` is negated
     in place.
     """
     rotation, direction = matrix(R), vector(t)
@@ -150,8 +150,8 @@ def solve_five(pairs: np.ndarray, sample: np.ndarray, R: np.ndarray, t: np.ndarr
     """Pose that satisfies the epipolar constraint of five matches, by Newton from ``R, t``.
 
     This is the iterative five-point solver on the manifold (Lui and Drummond, BMVC 2013, DOI
-    10.5244/C.27.116). The result is True if the iteration has converged: the next step would be
-    within the noise of five rays.
+    10.5244/C.27.116). The result is True if the iteration has converged: the last step was shorter
+    than `LINEAR_STEP_RAD`, so that the next step would be within the noise of five rays.
     """
     rays, normal, x = np.empty(SAMPLE_SIZE), np.empty((6, 6)), np.empty(5)
     clear(rays)
@@ -186,9 +186,11 @@ def iterations_needed(
 ) -> int:
     """Number of five-ray samples until the right mode is found with the budget's confidence.
 
-    50 % of the samples are drawn only from the matches consistent with a mode (a share ``known`` of
-    all). Their inlier share is that of the best pose divided by ``known``, and less if that of the
-    best pose is below `RELATED_CONSENSUS`: the best pose may be unrelated to the right pose.
+    The inlier share of the best pose is s = ``1 - outlier_share``. 50 % of the samples are drawn
+    from all matches, with the inlier share s. The other samples are drawn only from matches
+    consistent with a mode, a share ``known`` of all matches. The inlier share of these matches is
+    taken as ``min(s / known, 1) min(s / RELATED_CONSENSUS, 1)``. The second factor accounts for a
+    best pose with few inliers, which may be outliers of the right pose.
 
     The number is ``log((1 - confidence) / failure) / log(1 - hit)``. ``failure`` is the probability
     that the initial pose leads to a wrong mode. ``failure`` grows with the ``outlier_share`` and

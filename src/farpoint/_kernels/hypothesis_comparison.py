@@ -246,10 +246,13 @@ def compare_hypothesis(
 ) -> tuple[bool, bool]:
     """Refine a hypothesis as long as it may compete, and keep the likelier pose as ``best``.
 
-    The less likely of the two poses is written to ``secondary``, if the two poses are within
-    `MODE_MARGIN`, their directions differ, and it is likelier than the old ``secondary``. The
-    function returns two values: whether the refined hypothesis, and whether its initial pose, is
-    within the margin ``within`` of the best pose.
+    The less likely of the two poses is written to ``secondary`` if the log likelihoods differ by
+    less than `MODE_MARGIN`, the directions of the two poses differ, and the less likely pose is
+    likelier than the old ``secondary``. A hypothesis that is a twisted pair (`_is_twisted`) is kept
+    neither as ``best`` nor as ``secondary``. The function returns the two values of
+    `refine_if_competitive`: whether the refined hypothesis is within the margin ``within`` of the
+    best pose and a different mode, and whether the initial pose of the hypothesis was within the
+    margin.
     """
     competes, was_close = refine_if_competitive(matches, hypothesis, best, within)
     if not competes:

@@ -96,7 +96,7 @@ def information(
     ``1 - h`` (HC2: MacKinnon and White, J. Econom. 29, 1985, DOI 10.1016/0304-4076(85)90158-7). The
     expectation of ``scatter`` is the Gauss-Newton matrix if the noise model is true.
 
-    The function returns two numbers: the share of the information that remains although the
+    The function returns two numbers: the share of the information that remains although the mixture
     component of each match is unknown (Louis, J. R. Stat. Soc. B 44, 1982, DOI
     10.1111/j.2517-6161.1982.tb01203.x), and the effective number of matches ``(sum h)^2 / sum
     h^2``.
@@ -116,7 +116,7 @@ def information(
 
 @inner_kernel
 def _shrink_depths(terms: np.ndarray) -> None:
-    """Replace inverse depths by their BLUP, and change the Jacobians accordingly."""
+    """Replace inverse depths by their best linear unbiased prediction, and adapt the Jacobians."""
     mean, variance = 0.0, 0.0
     for k in range(MAX_ITERATIONS):
         total, weighted, weight2, excess = _depth_moments(
@@ -174,7 +174,7 @@ def _depth_moments(
 
 @inner_kernel
 def _fill_terms(point: LinearisationPoint, terms: np.ndarray) -> None:
-    """Fill the terms of all matches."""
+    """Fill the panels of terms, whose rows are those from `TERM_JACOBIAN` on, for all matches."""
     rotation, direction = matrix(point.R), vector(point.t)
     basis = tangent_columns(direction)
     noise = (
@@ -239,9 +239,10 @@ def _write_rows(terms: np.ndarray, to: int, values: tuple[float, ...]) -> None:
 
 @inner_kernel
 def _weigh_by_leverage(terms: np.ndarray, whole: np.ndarray) -> float:
-    """Multiply the weights by ``1 - h^3`` and the scatter by ``1 / (1 - h)``; h is the leverage.
+    """Multiply the weights by ``1 - h^3``, where h is the leverage of the match.
 
-    The function returns the effective number of matches ``(sum h)^2 / sum h^2``.
+    The scatter is multiplied by ``(1 - h^3) / (1 - h)``. The function returns the effective number
+    of matches ``(sum h)^2 / sum h^2``.
     """
     inverse, positive = inverse_square(whole)
     if not positive:

@@ -107,9 +107,10 @@ def linearize(
 def _add_cheirality_residuals(point: LinearisationPoint, normal: np.ndarray) -> None:
     """Add cheirality penalties to the normal equations of `linearize`, as residuals.
 
-    The residual is ``s + 2.5`` for a parallax of s sigma. The weight is the probability of the core
-    times ``(1 - tail_share)^2``. With a heavy tail, matches have large errors along their epipolar
-    lines in both directions, but only errors in one direction have a penalty.
+    The residual is ``s + 2.5`` for a parallax of s sigma. The weight is `CHEIRALITY_WEIGHT` times
+    the probability of the core times ``(1 - tail_share)^2``. The last factor reduces the weight if
+    the tail is heavy: matches then have large errors along their epipolar lines in both directions,
+    but only the errors in one direction have a penalty.
     """
     pairs, prior, clutter = (
         point.pairs,

@@ -166,9 +166,10 @@ def kabsch(M: np.ndarray, R: np.ndarray) -> bool:
     Algorithm", J. Astronaut. Sci. 41, 1993). The function returns False if M has a rank below two.
     """
     square, det, cofactors = _invariants(M)
-    # The root has (trace^2 - square)^2 = 4 (cofactors + 2 det trace). An upper bound on the right
-    # gives a better one on the left: exact for rays of a narrow view, whose det is 0. Newton's
-    # method decreases monotonically from there to the largest root.
+    # The maximal trace is a root of (trace^2 - square)^2 = 4 (cofactors + 2 det trace). Newton's
+    # method starts at an upper bound of the largest root and decreases monotonically to this root.
+    # The bound follows from trace <= sqrt(3 square) on the right side, and is exact for det = 0, as
+    # for rays of a narrow view.
     bound = cofactors + 2.0 * max(det, 0.0) * math.sqrt(3.0 * square)
     trace = math.sqrt(square + 2.0 * math.sqrt(bound))
     for _ in range(60):
@@ -178,7 +179,8 @@ def kabsch(M: np.ndarray, R: np.ndarray) -> bool:
         if not step > 1e-15 * trace:
             break
     k = 0.5 * (trace * trace - square)
-    # (s0 + s1) (s1 + s2) (s2 + s0) of the singular values, the last with the sign of det M.
+    # k trace - det = (s0 + s1) (s1 + s2) (s2 + s0), where s are the singular values, the last with
+    # the sign of det M. The product is 0 for a rank below two.
     if not k * trace - det > 1e-9 * square * math.sqrt(square):
         return False
     _write_nearest(M, square, trace, R)
@@ -196,7 +198,7 @@ def _invariants(M: np.ndarray) -> tuple[float, float, float]:
 
 @step_kernel
 def _write_nearest(M: np.ndarray, square: float, trace: float, R: np.ndarray) -> None:
-    """Write the rotation whose ``trace`` of ``R.T @ M`` is the largest."""
+    """Write the rotation R with the largest trace of ``R.T @ M``, given this ``trace``."""
     x, y, z = matrix(M)
     xy, yz, zx = dot(x, y), dot(y, z), dot(z, x)
     k = 0.5 * (trace * trace - square) + square

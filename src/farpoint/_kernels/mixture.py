@@ -16,9 +16,10 @@ among inliers, of outliers among all matches, and of repeated structure among ou
 
 Soft cheirality: an inlier flows towards the direction of translation, but noise can reverse the
 flow of a far point. If the flow is reversed by s sigma and s exceeds c = `CHEIRALITY_SIGMA`, the
-density of the core has the factor ``exp(-w (s - c)^2 / 2)`` with w = `CHEIRALITY_WEIGHT`. Otherwise
-the density does not depend on the flow, because a slope would bias the rotation: a rotation changes
-all parallax. The factor decreases smoothly, so that Gauss-Newton converges.
+density of the core has the factor ``exp(-w (s - c)^2 / 2)`` with w = `CHEIRALITY_WEIGHT`. The k-th
+component of the tail has the same factor to the power ``8^-k``. Otherwise the density does not
+depend on the flow, because a slope of the density would bias the rotation: a rotation changes the
+parallax of all matches. The factor decreases smoothly, so that Gauss-Newton converges.
 """
 
 from __future__ import annotations
@@ -168,7 +169,10 @@ def densities_of(
 
 @inlined_kernel
 def cheirality_penalty(pairs: np.ndarray, at: int, R: tuple, t: tuple, precision: float) -> float:
-    """Exponent of soft cheirality, ``2 min(s + 2.5, 0)^2``, where s is the parallax in sigma."""
+    """Soft cheirality penalty ``2 min(s + 2.5, 0)^2``, where s is the parallax in sigma.
+
+    The penalty is added to the squared residual divided by the variance.
+    """
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
     flow, _ = flow_along(m, b, t)
     shift = flow * math.sqrt(precision / (parallax_variance(pairs, at, R, m, t) + 1e-300))
@@ -193,7 +197,8 @@ def tail_steps_of(each: Densities) -> float:
 def tail_trials_of(each: Densities, long_tail: float) -> float:
     """Sum of the densities of all components, each multiplied by the number of trials of the tail.
 
-    The number of trials is k + 1, at most 3.
+    A trial is a step of the tail, which an inlier takes with the probability ``tail_share``. The
+    number of trials is k + 1, at most 3 with the long tail and 2 with the short tail.
     """
     core, tail1, tail2, tail3 = each
     return core + 2.0 * tail1 + (2.0 + long_tail) * tail2 + 3.0 * tail3

@@ -39,13 +39,14 @@ def fit_motion(
     """Search for a pose by a subsample of the matches, and refine the pose by all matches.
 
     The function returns four results: the number of hypotheses; whether the second motion of a
-    plane competes; whether a secondary mode in another direction is within the margin; and the
-    values of `refine_motion`.
+    plane competes; whether a secondary mode in another direction is within `MODE_MARGIN`; and the
+    summary that `refine_motion` returns.
 
     The search (`search.search_pose`) starts at the rotation of the far matches, which RANSAC finds
     (`rotation_search.search_rotation`). If there are no far matches, the search starts at the
     rotation that is consistent with most matches at a larger tolerance. The direction is searched
-    among the matches that are not far, or among all matches if only few matches are not far.
+    among the matches that are not far. If no match is far, or fewer than `MIN_MATCHES` are not far,
+    the direction is searched among all matches.
     """
     some, few = searched_pairs(matches), matches.total <= MAX_SEARCHED
     count = matches.total if few else MAX_SEARCHED

@@ -60,13 +60,14 @@ class MotionSummary(NamedTuple):
     log_odds: float
     """Log odds of the motion against the hypothesis that all matches are outliers."""
     beyond_rotation: int
-    """Number of inliers in the search that no rotation explains."""
+    """First result of `evidence.count_beyond_rotation`, for the matches used in the search."""
     supporting: int
-    """Number of inliers in the search."""
+    """Number of inliers among the matches used in the search."""
     has_shrunk_flow: bool
     """Whether the covariance was computed with shrunk flow (BLUP)."""
     shows_direction: bool
-    """Whether the share of signal in the shrunk flow is large enough for a direction."""
+    """Whether the share of signal in the flow is large enough for a direction; see
+    `refine_motion`."""
     scales_with_parallax: bool
     """Whether noise that scales with parallax was found significant."""
 
@@ -84,7 +85,7 @@ class MotionBuffers(NamedTuple):
     """(4,) noise parameters; see `pose.Pose`."""
     per_match: np.ndarray
     """(4, at least N) per-match table: prior by the parallax density, and residual, parallax and
-    inlier probability, as of `likelihood.evaluate_residuals`."""
+    inlier probability by `likelihood.evaluate_residuals`."""
     labels: np.ndarray
     """(N,) labels; see `evidence.label_matches`."""
     covariance: np.ndarray
@@ -142,8 +143,10 @@ def refine_motion(
 ) -> MotionSummary:
     """Refine a motion by all matches, with the prior of their parallax, and evaluate the result.
 
-    The first row of ``per_match`` is the prior of ``matches``. The motion shows a direction if, in
-    every direction, at least a share ``least_signal`` of the flow is signal.
+    ``matches.prior`` must be the first row of ``buffers.per_match``. The motion shows a direction
+    if, along every axis of the pose, at least a share ``least_signal`` of the Gauss-Newton matrix
+    with shrunk flow remains after the part that is due to noise is subtracted, or at least a share
+    `MIN_SIGNAL` of that with measured flow.
     """
     return refine_and_evaluate(searched_pairs(matches), matches, least_signal, buffers)
 
@@ -193,12 +196,12 @@ def refine_and_evaluate(
 def _refine_with_noise_model(
     matches: PackedMatches, buffers: MotionBuffers
 ) -> tuple[float, float, float, bool]:
-    """Refine the pose; if noise scales with parallax significantly, refine it again.
+    """Refine the pose twice: to a coarse tolerance, then to a fine tolerance.
 
-    The second refinement uses noise that scales with parallax.
-
-    The function returns the cost, the `hypothesis_comparison.laplace_factor`, the expected number
-    of inliers, and whether the noise scales with parallax.
+    If the coarse refinement shows that the noise scales with parallax, the fine refinement uses
+    noise that scales with parallax. The function returns the cost, the
+    `hypothesis_comparison.laplace_factor`, the expected number of inliers, and whether the noise
+    scales with parallax.
     """
     normal, cost, scales_with_parallax = np.empty((6, 6)), 0.0, False
     for precision in (COARSE_TOLERANCE, FINE_TOLERANCE):
@@ -245,7 +248,8 @@ def _label_and_count(
     total = min(count, MAX_SEARCHED)
     for j in range(prior.size):
         prior[j] = 1.0 if j < total and inlier[j * count // total] > 0.5 else 0.0
-    # The motion explains a part of the flow by translation: the limit is twice `GATE_SIGMA`.
+    # Twice `GATE_SIGMA`, because the noise is that of the motion, which explains a part of the flow
+    # by translation.
     distance = 2.0 * GATE_SIGMA * math.sqrt(mean_variance(mixture[0], mixture[2]))
     beyond, supporting = count_beyond_rotation(some, prior, R, R_far, distance)
     return agreeing, sign_log_odds, log_odds, beyond, supporting
@@ -336,9 +340,9 @@ def _estimate_covariance(
 ) -> tuple[bool, bool]:
     """Covariance of the pose, computed with shrunk flow if much of the flow is noise.
 
-    If the flow is shrunk, the pose moves by one step of the normal equations. The function returns
-    whether the flow was shrunk, and whether at least a share ``least_signal`` of the flow is
-    signal.
+    The limit is a share of signal of `MIN_SIGNAL`. If the flow is shrunk, the pose moves by one
+    step of the normal equations. The function returns whether the flow was shrunk, and whether the
+    motion shows a direction (`refine_motion`).
     """
     if covariance_here(point, inliers, MEASURED_FLOW, MIN_SIGNAL, buffers.covariance):
         return False, True

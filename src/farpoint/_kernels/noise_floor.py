@@ -69,7 +69,7 @@ def _sum_of_weighted(ratios: np.ndarray, over_factor: float, freedom: float) -> 
 
 @inlined_kernel
 def _sum_of_logs(values: np.ndarray) -> float:
-    """Sum of logarithms, of which a product of four values needs only one."""
+    """Sum of the logarithms of the values; one logarithm is computed for the product of four."""
     total, n = 0.0, len(values)
     for i in range(0, n - 3, 4):
         total += math.log(values[i] * values[i + 1] * values[i + 2] * values[i + 3])

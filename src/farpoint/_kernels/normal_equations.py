@@ -261,7 +261,11 @@ def determinant_beside_one(H: np.ndarray) -> tuple[float, bool]:
 
 @inlined_kernel
 def predicted_decrease(normal: np.ndarray, x: np.ndarray) -> tuple[float, float]:
-    """Predicted decrease ``g . x`` of the cost by a Gauss-Newton step ``x``, and ``|x|^2``."""
+    """``g . x`` for a Gauss-Newton step ``x`` and the gradient g, and ``|x|^2``.
+
+    To second order, a step ``-x`` without damping decreases the cost by half of ``g . x``. The
+    tolerances for a predicted decrease are compared with ``g . x``.
+    """
     gain = square = 0.0
     for k in range(5):
         gain += normal[k, 5] * x[k]

@@ -47,9 +47,9 @@ def packed_length(count: int) -> int:
 
 @inlined_kernel
 def address(i: int) -> int:
-    """Address of match ``i``: index of its number in the first row of its panel.
+    """Address of match ``i``: index of the match's element in the first row of the panel.
 
-    The number of the match in the next row is `LANES` further on.
+    The element of the match in the next row is `LANES` further on.
     """
     return (i >> 4) * PANEL + (i & 15)
 

@@ -4,8 +4,8 @@ Near points change size, shape and background between the images, and are theref
 accurately. On a drive the residuals of the nearest matches are 4 times those of the farthest. If
 the residuals show this effect, the variance of a match is multiplied by ``sqrt(1 + (p /
 length)^2)``, where ``p`` is the parallax of the match and ``length`` is the same for all matches.
-The factor is nearly constant for a parallax below ``length``, and proportional to a parallax above
-``length``, as for a random walk along the flow.
+The factor is nearly 1 for a parallax far below ``length``, and nearly proportional to the parallax
+far above ``length``, as is the variance of a random walk along the flow.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ def _fit_steepness(samples: NoiseSamples, total: float) -> float:
 
 @step_kernel
 def _parallax(samples: NoiseSamples) -> float:
-    """Sum of the parallax of inliers, rad."""
+    """Sum of the absolute parallax of inliers, rad."""
     flows, used = samples.flows, samples.used
     whole = 0.0
     for i in range(flows.size):

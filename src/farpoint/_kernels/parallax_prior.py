@@ -55,21 +55,25 @@ def fit_parallax_prior(
     """Prior of each match by its parallax along the epipolar line; returns the end of the prior.
 
     The prior is the density of the parallax of the other inliers, divided by the density of
-    outliers, which are uniform in the strip of width ``2 half_width``. The inlier probabilities
-    ``inlier`` were computed without a prior.
+    outliers, which is uniform over a length ``2 half_width`` of the epipolar line. The inlier
+    probabilities ``inlier`` were computed without a prior.
 
     An outlier that happens to lie on its epipolar line agrees with the motion, and one long flow
     would outweigh all inliers. Two outliers determine a direction, and by chance up to k more
     outliers lie on its epipolar lines. A parallax is therefore supported only if more inliers than
-    these ``k + 2`` outliers have at least this parallax. s1 is the largest supported parallax, and
-    s2 is the parallax that twice as many inliers have at least. The prior ends at s1 plus
-    ``max(((s1 / s2)^2 - 1) s1, 0.1 s1, 3)``, at most at 2 s1, because the density of inliers
-    decreases at about this rate. Up to the end the prior is a histogram of the other inliers.
+    these ``k + 2`` outliers have at least this parallax. s1 is the largest supported parallax in
+    sigma, at least 3, and s2 is the parallax that twice as many inliers have at least. Up to s1
+    plus ``max(((s1 / s2)^2 - 1) s1, 0.1 s1, 3)``, at most up to 2 s1, the prior is a histogram of
+    the other inliers plus a uniform pseudo-count; the density of inliers decreases at about this
+    rate. Beyond, the prior has a Gaussian fall-off (`PRIOR_FALL_OFF`). The returned end is
+    `GATE_SIGMA` standard deviations of the fall-off further on, in units of ``parallax``. If no
+    parallax is supported, the prior is 1 and the end is infinite.
     """
     sizes = np.empty(count)
     inliers = _inlier_parallaxes(parallax, inlier, sigma, sizes)
     outliers = count - inliers
-    # Half of the outliers on the lines by chance flow backwards; without outliers there are none.
+    # Expected number of outliers that lie on the epipolar lines by chance and flow forwards, which
+    # is half of the outliers on the lines. No more than all outliers can lie on the lines.
     by_chance = 0.5 * outliers * GATE_SIGMA * sigma / half_width
     captured = min(outliers, 2 + _chance_count(by_chance, 0.5 * outliers * (outliers - 1)))
     if inliers <= captured:
@@ -110,7 +114,7 @@ def _inlier_parallaxes(
 
 @step_kernel
 def _reach(sizes: np.ndarray, captured: int) -> tuple[float, float]:
-    """Last supported parallax, and distance from there to the end of the prior, in sigma."""
+    """Largest supported parallax, and further distance to the start of the fall-off, in sigma."""
     last = max(kth_largest(sizes, captured + 1), GATE_SIGMA)
     nearer = max(kth_largest(sizes, 2 * (captured + 1)) / last, math.sqrt(0.5))
     return last, max(max(1.0 / (nearer * nearer) - 1.0, MIN_PRIOR_TAIL) * last, GATE_SIGMA)

@@ -76,7 +76,8 @@ def other_motion(
     _set_pose(other, other_R, other_t, pose.mixture)
     refine_pose(matches, COARSE_TOLERANCE, MAX_ITERATIONS, other)
     if is_same_mode(other.R, other.t, own):
-        # The second motion may by chance be no local maximum, with nearly the same likelihood.
+        # The refinement has left the second motion, which by chance is no local maximum, but may
+        # have nearly the same likelihood. The second motion is therefore not refined.
         _set_pose(other, other_R, other_t, own.mixture)
         other.cost[0] = evaluate_pose(matches, other, np.empty(4))
     is_near = other.cost[0] < own.cost[0] + planar_margin(count)
@@ -128,7 +129,8 @@ def _log_likelihood(
     at least the variance across the lines. If both variances are equal, all motions have the same
     likelihood.
     """
-    # Density on a line of a match in the plane, at its place, over that of a uniform one.
+    # Density along the epipolar line of a match in the plane, at the position that the plane
+    # predicts, divided by the density of a match that is uniform along the line.
     half_width, long_tail = matches.outlier_half_width, matches.long_tail
     peak = 2.0 * half_width / math.sqrt(2.0 * math.pi * mixture[0])
     point = LinearisationPoint(
@@ -240,7 +242,8 @@ def _decompose(
         aside = cross(line, b)
         by_line = _noise_times(matches.pairs, at, rotation, is_given, line)
         by_aside = _noise_times(matches.pairs, at, rotation, is_given, aside)
-        # Both vectors are perpendicular to the ray; the offset is turned about it by 90 degrees.
+        # Both vectors are perpendicular to the ray b; ``away`` is the offset rotated about b by 90
+        # degrees.
         x, y = dot(away, line), -dot(away, aside)
         variance = dot(aside, by_aside) + 1e-300
         shared = dot(aside, by_line) / variance

@@ -35,7 +35,7 @@ class PackedMatches(NamedTuple):
     outlier_half_width: float
     """Half-width of the strip of outliers about an epipolar line, in units of the noise."""
     long_tail: float
-    """`mixture.LONG_TAIL` or `mixture.SHORT_TAIL`."""
+    """`constants.LONG_TAIL` or `constants.SHORT_TAIL`."""
     min_variance: float
     """Lower bound of the noise variance, due to rounding, in squared units of the noise."""
     max_variance: float
@@ -44,9 +44,9 @@ class PackedMatches(NamedTuple):
     soft_cheirality: bool
     """Whether the cheirality penalty is a residual of the refinement.
 
-    False for comparisons of modes: above -`mixture.CHEIRALITY_SIGMA` the penalty is 0, and the
-    refinement of a reversed motion would find a pose at which all matches have a small negative
-    parallax.
+    False for comparisons of modes: the penalty is 0 for a parallax above -`CHEIRALITY_SIGMA` sigma,
+    and the refinement of a reversed motion would find a pose at which all matches have a small
+    negative parallax.
     """
 
 
@@ -72,17 +72,17 @@ class LinearisationPoint(NamedTuple):
     pairs: np.ndarray
     """Panels of matches."""
     prior: np.ndarray
-    """As of `PackedMatches`."""
+    """See `PackedMatches`."""
     R: np.ndarray
     """(3, 3) rotation cam1_from_cam0."""
     t: np.ndarray
     """(3,) unit direction of translation, cam1_from_cam0."""
     mixture: np.ndarray
-    """As of `Pose`."""
+    """See `Pose`."""
     outlier_half_width: float
-    """As of `PackedMatches`."""
+    """See `PackedMatches`."""
     long_tail: float
-    """As of `PackedMatches`."""
+    """See `PackedMatches`."""
 
 
 @step_kernel

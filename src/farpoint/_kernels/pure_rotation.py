@@ -31,9 +31,10 @@ def fit_rotation(
     """Maximum-likelihood rotation, and distance and inlier probability of each match.
 
     The function combines `rotation.refine_rotation` and `rotation.evaluate_rotation`, with the same
-    prior for all ``count`` matches. The results are the cost and the Laplace factor of
-    `hypothesis_comparison.laplace_factor`. ``information`` (3, 3) receives the information on the
-    rotation. The information is reduced, because outliers are not known and the noise is estimated.
+    prior for all ``count`` matches. The function returns the cost and the Laplace factor, which is
+    that of `hypothesis_comparison.laplace_factor` for the three parameters of a rotation.
+    ``information`` (3, 3) receives the information on the rotation. The information is reduced,
+    because outliers are not known and the noise is estimated.
     """
     prior = np.empty(inlier.size)
     for i in range(inlier.size):
@@ -76,7 +77,9 @@ def flow_beside_rotation(
     inlier: np.ndarray,
     band: float,
 ) -> tuple[int, int, float, int, float, float]:
-    """Statistics of the matches near their epipolar lines, for the two tests of a translation.
+    """Statistics of the matches near their epipolar lines, for two tests of translation.
+
+    The first test counts the matches that flow towards the direction; the second is an F test.
 
     A match is consistent with its epipolar line if the ``residual`` (N,) of the match is within
     ``band``. ``distance2`` (N,) is the squared distance of each match from the prediction of the
@@ -133,14 +136,17 @@ def translation_log_ratio(
     """Log-likelihood ratio of a general motion to a pure rotation, over all matches.
 
     The sum over all matches that both models explain can lower the ratio but not raise it, because
-    a rotation explains the common flow of these matches, and another test compares their residuals.
+    a rotation explains the common flow of these matches, and an F test compares the residuals of
+    these matches under both models.
 
-    The prior of the parallax is the density of the parallax of the other inliers. In this test a
-    share of the inliers, 0.5 or 0.9, is far. The parallax of far inliers is only noise, with a mean
-    of zero or with a common mean that the rotation absorbs. Mean and variance of this parallax are
-    estimated from the matches that both models explain. For the estimated mean the log ratio is
-    reduced by ``log(largest parallax / standard error of the mean)`` (Laplace's method; the factor
-    ``2 pi`` is left out to account for the estimated variance).
+    The prior of the parallax in the fit of the motion is the density of the parallax of the other
+    inliers. In this test the prior is a mixture: a share of the inliers, 0.5 or 0.9, is far. The
+    parallax of far inliers is only noise, with a mean of zero or with a common mean that the
+    rotation absorbs. The common mean and the variance of this parallax are estimated from the
+    matches that both models explain. For the estimated mean the log ratio is reduced by
+    ``log(largest parallax / standard error of the mean)`` (Laplace's method; the factor ``2 pi`` is
+    left out to account for the estimated variance). The result is the largest log ratio over both
+    shares and both means, minus ``log(2)`` for the choice between the two shares.
 
     Parameters
     ----------

@@ -87,7 +87,7 @@ def advance(
     penalised_cost = cost[0] + share_prior_cost(mixture[2]) + share_prior_cost(mixture[3])
     if penalised_cost > state[STATE_LOWEST] + MAX_COST_INCREASE:
         restore(kept, R, t, mixture, normal, cost, shares)
-        # First without over-relaxation, then with damping.
+        # The first step that is taken back switches off over-relaxation; later ones add damping.
         if state[STATE_OVER_RELAXED] == 0.0:
             state[STATE_DAMPING] = max(100.0 * state[STATE_DAMPING], 1e-2)
         state[STATE_OVER_RELAXED] = 0.0
@@ -132,7 +132,7 @@ def _take_step(
 
 @step_kernel
 def bound_noise(max_variance: float, mixture: np.ndarray) -> None:
-    """Bound the noise variance of the mixture."""
+    """Bound the noise variance of the mixture; a finite bound also removes the tail."""
     if max_variance < math.inf:
         mixture[0], mixture[2] = min(mixture[0], max_variance), NO_TAIL_SHARE
 

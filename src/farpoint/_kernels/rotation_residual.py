@@ -30,7 +30,10 @@ Row = tuple[float, float, float, float]
 def _tangent_residual(
     pairs: np.ndarray, at: int, R: Matrix
 ) -> tuple[tuple, tuple, float, float, float, float, float]:
-    """Basis ``E`` of the tangent plane at ``b``, and ``E^T (b - R a)`` with its unit covariance."""
+    """Tangent basis ``E`` (3, 2) at ``b``, and ``E^T (b - R a)`` with its covariance.
+
+    The covariance, for unit noise, is returned as its upper triangle.
+    """
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
     d = axpby(1.0, b, -1.0, m)
     first, second = tangent_columns(b)

@@ -48,7 +48,7 @@ def search_rotation(
     state: np.ndarray,
     R: np.ndarray,
 ) -> int:
-    """Search for a rotation by RANSAC with samples of three rays (eqs. 7-13 of the paper).
+    """Search for a rotation by RANSAC on samples of three rays (Burschka, Mair 2008, eqs. 7-13).
 
     The search minimises the truncated squares ``sum min(|b - R a|^2 / variance, tolerance^2)`` of
     the ``count`` matches. The search ends when, with 99.9 % probability, a sample of consistent

@@ -158,14 +158,15 @@ def search_pose(
     are solved in turn from three starts (`_solve_sample`): the best pose; a rotation with a random
     direction; a rotation with the intersection of two great circles of the sample. Every second
     sample is drawn from matches consistent with the best pose or a competing mode, because few of
-    these matches are outliers. A hypothesis whose truncated squares are low enough is refined, and
-    compared by its likelihood. Each hypothesis has separate noise parameters, because a wrong mode
-    has low squares only with a large variance. After a competing mode was found, more samples are
-    drawn. Finally the ambiguous motions of the best pose are compared.
+    these matches are outliers. A hypothesis is refined, and compared by its likelihood, if the
+    truncated sum of squared residuals is low enough (`MAX_SCORE_RATIO`, `MIN_SUPPORT_RATIO`). Each
+    hypothesis has separate noise parameters, because a wrong mode has low squares only with a large
+    variance. After a competing mode was found, more samples are drawn. Finally the best pose is
+    compared with its ambiguous motions.
 
     ``best`` receives the likeliest pose, and ``secondary`` the likeliest pose in another direction.
     The function returns the number of samples, whether the second motion of a plane competes, and
-    whether ``secondary`` is within the margin.
+    whether ``secondary`` is within `MODE_MARGIN` of ``best``.
     """
     pairs, prior, count, tolerance = matches.pairs, matches.prior, matches.total, budget.tolerance
     other = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
@@ -222,7 +223,7 @@ def _start(
     """Refine ``best``, starting from its rotation and the direction of the ``candidates``' flow.
 
     The function returns the squared residual beyond which a match does not support a pose, and the
-    truncated squares of all matches. ``other`` is a buffer.
+    truncated sum of squares of all matches at the refined pose. ``other`` is a buffer.
     """
     default_noise(tolerance, best.mixture)
     search_direction(
@@ -318,10 +319,11 @@ def _direction_of_flow(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) 
 
 @step_kernel
 def _nearby_rotation(start: np.ndarray, flow: float, state: np.ndarray, R: np.ndarray) -> None:
-    """Write the initial rotation, or a random rotation near the initial rotation, to ``R``.
+    """Write a random rotation near the initial rotation ``start`` to ``R``.
 
-    The distance of the random rotation is about as large as the flow that the initial rotation
-    leaves.
+    The rotation vector between both has coordinates uniform in plus or minus ``flow``, the flow
+    that the initial rotation leaves, rad. If ``flow`` is below 0.2 times `LONG_FLOW_RAD`, ``R`` is
+    the initial rotation itself.
     """
     if flow < 0.2 * LONG_FLOW_RAD:
         copy(start, R)

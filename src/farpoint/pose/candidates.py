@@ -51,9 +51,10 @@ def _from_rejected(
 ) -> Iterator[GeneralMotionFit]:
     """Candidate with the direction towards which rejected matches flow.
 
-    There is such a candidate only if the translational flow of the fit is mostly noise. If nearly
-    all points are far, a rotation explains the flow of most matches, and the few near points are
-    rejected.
+    Rejected matches have an inlier probability below 0.5. They are tried only if the covariance of
+    the fit was computed with shrunk flow, and the candidate must be a consensus of the rejected
+    matches. If nearly all points are far, a rotation explains the flow of most matches, and the few
+    near points are rejected.
     """
     rejected = fit.probability < 0.5
     count, within = int(np.count_nonzero(rejected)), REJECTED_TOLERANCE_RATIO * tolerance
@@ -86,9 +87,9 @@ def _with_bounded_noise(
 def _from_far_points(
     matches: Matches, fit: GeneralMotionFit, tolerance: float, state: np.ndarray
 ) -> Iterator[GeneralMotionFit]:
-    """Candidate by the closed form of 2008.
+    """Candidate with the rotation of the far points and the direction of the other points' flow.
 
-    The rotation is that of the far points. The direction is the epipole of the near points' flow.
+    The direction is the best intersection of the great circles of two matches.
     """
     rotation = far_rotation(matches, tolerance, state)
     others = matches.select(~rotation.consistent)

@@ -19,8 +19,8 @@ def largest_sigma(covariance: np.ndarray) -> float:
 def direction_sigma(covariance: np.ndarray) -> float:
     """The worst 1-sigma, rad, of the direction of a motion with this covariance (5, 5).
 
-    The result equals `largest_sigma`, but the closed form is faster, and every motion needs this
-    sigma.
+    The result equals `largest_sigma` of the block (2, 2) of the direction. The closed form is
+    faster, and every motion needs this sigma.
     """
     (xx, xy), (_, yy) = covariance[3:, 3:].tolist()
     half = 0.5 * (xx - yy)

@@ -1,9 +1,9 @@
 """The closed form of Burschka and Mair (2008), with a covariance.
 
-The rotation comes from an SVD of the far rays, and the direction is the mean of the pairwise
-intersections of derotated flow. The covariance comes from the scatter of the intersections. The
-closed form uses no likelihood and no iteration, and serves as the baseline for the refined
-estimate.
+The rotation aligns the rays of the far points (least squares), and the direction is the mean of the
+pairwise intersections of derotated flow. The covariance of the rotation comes from the residuals of
+the far rays, that of the direction from the jackknife over matches. The closed form uses no
+likelihood, and serves as the baseline for the refined estimate.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Every number of two-view estimates that has a name: unit, meaning and origin.
 
 Origin is "derived" (from what), "convention", "measured" (by what), or "chosen" where nothing more
-is known. Numbers that kernels use, too, are in `farpoint._kernels.constants`. "Rendered" means
-street scenes of `farpoint.synthetic`. If a measurement names no command, none was recorded.
+is known. "Held by" names a test that fails if the number is halved or doubled, as stated. Numbers
+that kernels use, too, are in `farpoint._kernels.constants`. "Rendered" means street scenes of
+`farpoint.synthetic`. If a measurement names no command, none was recorded.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ ISOTROPIC = np.eye(2)[None]
 # Bounds of given variances, px^2. Chosen: products of them stay finite.
 VARIANCE_BOUNDS_PX2 = (1e-60, 1e60)
 
-# Bounds of given variances over their median. Derived: rounding of a sum with the median.
+# Bounds of given variances over their median. Derived: a variance beyond a bound would be lost by
+# rounding, or the median would be, in a sum of both.
 VARIANCE_RATIO_BOUNDS = (ROUNDING, 1.0 / ROUNDING)
 
 # Least variance of the noise, px^2 (or in units of given noise). Derived: noise below 0.001 px is
@@ -49,20 +51,22 @@ MAX_DIRECTION_SIGMA = math.radians(20.0)
 # Largest 1-sigma, rad, of a mean epipole. Chosen.
 MAX_EPIPOLE_SIGMA = 0.5
 
-# 1-sigma of a direction, rad, up to which the information is the same at all poses within the
-# covariance; above it a secondary mode is searched for. Chosen: 2.5 deg.
+# 1-sigma of a direction, rad, up to which the information is taken as the same at all poses within
+# the covariance; above this sigma the covariance is averaged over nearby poses, and a secondary
+# mode is searched for. Chosen: 2.5 deg.
 LINEAR_DIRECTION_SIGMA = math.radians(2.5)
 
 # Largest share of noise in the shrunk flow, along any axis, with which a direction is observable.
 # Chosen: where all points are far the share is larger, and half of the directions are wrong.
 MAX_FLOW_NOISE_SHARE = 0.55
 
-# Share of its distance to the pure rotation by which a rotation may be wrong, if its direction is
-# not observable. Derived: noise explains about half of the flow below the threshold.
+# 1-sigma error of the rotation of a general motion whose direction is not observable, as a share of
+# the angle between this rotation and the pure rotation. Derived: below the threshold of an
+# observable direction, noise explains about half of the flow.
 UNOBSERVABLE_NOISE_SHARE = 0.5
 
-# Noise of a general motion over that of the pure rotation below which the general motion may be
-# true whatever the evidence for it. Chosen.
+# Noise of a general motion over that of the pure rotation, below which the covariance of the pure
+# rotation is computed as if the evidence for the general motion were 1. Chosen.
 FAR_LESS_NOISE_RATIO = 0.5
 
 # Number of independent tests of the F test. Measured by simulation with 20 to 500 matches: the
@@ -72,48 +76,54 @@ INDEPENDENT_TESTS = 300
 
 # --- Searches
 
-# Samples of the search for a rotation or a dominant motion, at most. Chosen: enough where half of
-# the matches are of the dominant motion.
+# Upper bound of the samples of the search for the rotation of the far points. Chosen: enough if
+# half of the matches are far.
 SEARCH_SAMPLES = 300
 
 # Samples of the search for a direction with a given rotation. Chosen.
 DIRECTION_SAMPLES = 200
 
-# Samples of the search for another candidate: pairs of rejected matches, and a search with bounded
-# noise. Derived: where 1/4 of the rejected matches has a direction, 100 pairs miss it with a
-# probability of (1 - 1/16)^100 = 0.002. Held by tests/pose/test_candidates.py (if halved).
+# Samples of the search for another candidate: pairs of matches that fix a direction, and samples of
+# a search with bounded noise. Derived: if 1/4 of the rejected matches flow towards one direction,
+# 100 pairs miss this direction with a probability of (1 - 1/16)^100 = 0.002. Held by
+# tests/pose/test_candidates.py (if halved).
 CANDIDATE_SAMPLES = 100
 
-# Least number of rejected matches that test a direction. Chosen: two of them fix it.
+# Least number of matches in which a candidate direction is searched for. Chosen: two of them fix
+# the direction, the others test it.
 MIN_REJECTED = 6
 
-# Distance of rejected matches from an epipolar line, over the tolerance. Chosen: larger than 1
-# because the far rotation may not be the rotation of their motion.
+# Largest distance from the epipolar line at which a rejected match supports a direction, over the
+# tolerance. Chosen: larger than 1, because the rotation of the far matches may differ from the true
+# rotation.
 REJECTED_TOLERANCE_RATIO = 2.0
 
-# A direction is tried if outliers are expected to have fewer directions with such a consensus.
-# Convention: one false alarm.
+# Largest expected number of directions on which as many outliers agree by chance; with fewer, the
+# direction is tried as a candidate. Convention: one false alarm.
 CHANCE_DIRECTIONS = 1.0
 
-# Least noise, over the tolerance, with which candidates are searched for. Chosen. Held by
-# tests/pose/test_candidates.py (if doubled).
+# 1-sigma noise of a fit, over the tolerance, from which on candidates with bounded noise and from
+# far points are tried. Chosen. Held by tests/pose/test_candidates.py (if doubled).
 LARGE_NOISE_RATIO = 0.4
 
 # --- Two motions that compete
 
-# Log-likelihood ratio of a part of the matches below which more matches are evaluated. Chosen.
+# Log-likelihood ratio of two motions by a part of the matches, below which the ratio is computed
+# again with more matches. Chosen.
 UNDECIDED_LOG_RATIO = 20.0
 
 # Number of matches that are evaluated where a part of the matches leaves a motion undecided.
 # Chosen.
 UNDECIDED_MATCHES = 4 * MAX_SEARCHED
 
-# Cosine of the angle below which two motions count as one motion with a larger covariance. Chosen:
-# 10 deg. Held by tests/pose/test_planar_scenes.py (if doubled).
+# Cosine of the angle between the directions of two motions, above which the motions count as one
+# motion with a larger covariance. Chosen: 10 deg. Held by tests/pose/test_planar_scenes.py (if
+# doubled).
 COS_NEARBY = math.cos(math.radians(10.0))
 
 # Effective sample size of the parallax prior over the square root of the number of matches. Chosen:
-# matches on one surface are correlated. Held by tests/pose/test_posterior.py (if doubled).
+# matches on one surface have correlated parallaxes. Held by tests/pose/test_posterior.py (if
+# doubled).
 EFFECTIVE_PER_ROOT = 5.0
 
 # Tempering exponent of the likelihood ratio of two motions: each has its own epipolar lines and so
@@ -126,12 +136,13 @@ LOG_RATIO_TEMPERING = 0.5
 # tests/pose/test_planar_scenes.py (if doubled).
 PLANE_TEMPERING = 0.3
 
-# Difference of the evidences of the two motions of a plane, over the root of the number of matches,
-# beyond which it is not by chance. Derived: the 95 % interval of a normal distribution.
+# Difference of the log evidences of the two motions of a plane, over the square root of the number
+# of matches, beyond which the difference is not by chance. Derived: the 95 % interval of a normal
+# distribution.
 CHANCE_SIGMA = 2.0
 
-# Share of the covariance between two motions along the axis on which they differ. Chosen. Held by
-# tests/pose/test_posterior.py (if doubled).
+# Share of the covariance for a second possible motion that is along the difference of the two
+# motions. Chosen. Held by tests/pose/test_posterior.py (if doubled).
 ALONG_DIFFERENCE_SHARE = 0.9
 
 # --- Noise and covariance
@@ -144,19 +155,20 @@ ROTATION_PARAMETERS = 3
 # errors along the motion of the track (twice the variance on rendered images without translation).
 MISSPECIFIED_FACTOR = 4.0
 
-# Floors to choose from, as variances over the median of the given ones. Chosen.
+# Candidates for the noise floor, as variances over the median of the given variances. Chosen.
 NOISE_FLOORS = np.array([0.0, 0.03, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4, 13.0, 50.0])
 
 # Standard deviation of a normal distribution over its median absolute deviation. Derived.
 MAD_TO_SIGMA = 1.4826
 
-# Factor for errors that are smooth over more than 1/4 of the image's width and height, which parts
-# of the image cannot show. Measured on rendered streets with OpenCV's Lucas-Kanade tracker. Held by
+# Factor on the design effect for errors that are correlated over more than 1/4 of the image's width
+# and height, the size of the parts of the image that the design effect compares. Measured on
+# rendered streets with OpenCV's Lucas-Kanade tracker. Held by
 # tests/pose/test_correlated_residuals.py (if halved).
 SMOOTH_ERROR_FACTOR = 1.5
 
-# Degrees of freedom of a design effect from few parts. Measured by its scatter on rendered
-# streets; the command is not recorded.
+# Degrees of freedom of a design effect, which is estimated from few parts of the image. Measured by
+# the scatter of the design effect on rendered streets; the command is not recorded.
 DESIGN_EFFECT_FREEDOM = 12.0
 
 # Least mean number of matches of a patch; the largest is twice as much. Chosen: with 6, the
@@ -164,12 +176,13 @@ DESIGN_EFFECT_FREEDOM = 12.0
 # halved).
 PATCH_MATCHES = 3.0
 
-# Degrees of freedom of the expected split-half ratio, beside those of the measured one. Chosen.
-# Held by tests/pose/test_halves_of_tracks.py (if doubled).
+# Weight, in degrees of freedom, of the expected split-half ratio in the mean of the expected and
+# the measured ratio. Chosen. Held by tests/pose/test_halves_of_tracks.py (if doubled).
 EXPECTED_RATIO_FREEDOM = 40.0
 
-# Least number of matches for splits. Measured: with 24 to 48 matches of independent noise the ratio
-# is 0.65 to 0.9. Held by tests/pose/test_halves_of_tracks.py (if doubled).
+# Least number of matches for a split-half ratio. Measured: with 24 to 48 matches of independent
+# noise the ratio is 0.65 to 0.9, below `INDEPENDENT_SPLIT_RATIO`. Held by
+# tests/pose/test_halves_of_tracks.py (if doubled).
 MIN_SPLIT_MATCHES = 60
 
 # Split-half ratio of matches with independent noise. Measured; the command is not recorded. Held by
@@ -180,13 +193,15 @@ INDEPENDENT_SPLIT_RATIO = 0.95
 # Chosen. Held by tests/pose/test_halves_of_tracks.py (if doubled).
 HALVES_CORRELATION = 0.25
 
-# Slope of the variance factor above `HALVES_CORRELATION`. Measured: most recordings need 2; one
-# with many reflections and moving objects, and simulated surfaces with a common error of 3 sigma, a
-# little more than 4. Held by tests/pose/test_halves_of_tracks.py (if doubled).
+# Increase of the factor on the covariance per unit of correlation above `HALVES_CORRELATION`.
+# Measured: most recordings need 2; a recording with many reflections and moving objects, and
+# simulated surfaces with a common error of 3 sigma, need a little more than 4. Held by
+# tests/pose/test_halves_of_tracks.py (if doubled).
 HALVES_CORRELATION_SLOPE = 4.0
 
-# Upper bound of a pair's split-half ratio in the mean, over the mean. Chosen: halves refined to
-# two different modes are no measure of the tracks' errors.
+# Upper bound of the split-half ratio of a pair of views, over the mean ratio of earlier pairs, when
+# the ratio enters the mean. Chosen: the ratio of halves that were refined to two different modes is
+# no measure of the tracks' errors.
 MAX_RATIO_OVER_MEAN = 3.0
 
 # Upper bound of the mean split-half ratio of uncompressed video. Measured: rendered, 0.91 to 1.07.
@@ -198,21 +213,25 @@ MAX_COMPRESSION_EXCESS = 1.0
 
 # --- Errors of lens and shutter
 
-# Number of inliers from which the derivative of the motion by the lens is taken, spread over all.
-# Chosen: it is a ratio of two sums over the same matches.
+# Upper bound of the number of inliers, evenly spaced among all, from which the derivative of the
+# motion by the lens is computed. Chosen: a subset suffices, because the derivative is a ratio of
+# two sums over the same matches.
 LENS_INLIERS = 200
 
-# Step of an error of the lens, in its sigmas, that ends Gauss-Newton. Convention.
+# Largest element of a Gauss-Newton step of the lens errors, in sigma of each error, at convergence.
+# Convention.
 LENS_CONVERGED_SIGMA = 0.01
 
-# Errors of a shutter. Derived: its read-out, and the derivative of the angular velocity (3).
+# Number of errors of a rolling shutter. Derived: read-out time (1), and derivative of the angular
+# velocity (3).
 SHUTTER_ERRORS = 4
 
-# Change of an error of the lens, in its sigmas, up to which rays are linear in it. Chosen.
+# Change of an error of the lens, in sigma of the error, up to which rays are linear in the error.
+# Chosen.
 LENS_LINEAR_SIGMA = 0.5
 
-# Remaining error of the correction of rows, in sigma, at which its fixed point has converged.
-# Chosen.
+# Remaining error of the correction of rolling-shutter rows, in sigma of the rotation, at which the
+# fixed point of rotation and correction has converged. Chosen.
 ROWS_CONVERGED_SIGMA = 0.1
 
 # --- Independently moving object
@@ -220,12 +239,13 @@ ROWS_CONVERGED_SIGMA = 0.1
 # Share of the near matches that the region around their median ray holds. Chosen.
 OBJECT_REGION_SHARE = 0.9
 
-# Largest share of all inliers in that region. Measured: recorded drives and walks have 0.5 and
-# more, objects with 0.2 of the matches 0.24.
+# Share of all inliers that lie in that region, below which the region is compact. Measured:
+# recorded drives and walks have 0.5 and more, objects with 0.2 of the matches 0.24.
 COMPACT_REGION_SHARE = 0.3
 
-# Least share of near matches among the inliers of the region: far points show at an object's edges
-# only. Measured: simulated objects with 0.1 and 0.2 of the matches have 0.66 to 1.
+# Least share of near matches among the inliers of the region of an object: far points are visible
+# only at the edges of the object. Measured: simulated objects with 0.1 and 0.2 of the matches have
+# 0.66 to 1.
 NEAR_IN_REGION_SHARE = 0.6
 
 # Least number of near matches of an object. Chosen: two fix a direction, and outliers may agree
@@ -244,13 +264,16 @@ MAX_STATIONARY_SHARE = 0.5
 # Residual correlation above which the reason of a result mentions it. Chosen.
 NOTED_CORRELATION = 0.6
 
-# Noise over the tolerance below which trackers alone correlate neighbouring residuals. Chosen.
+# 1-sigma noise, over the tolerance, below which a correlation of neighbouring residuals is taken as
+# caused by the tracker alone, and not by two motions. Chosen.
 MERGED_MODE_NOISE_RATIO = 0.1
 
-# Least independent share of the variance. Chosen: two matches of one point have none.
+# Lower bound of the share of the residual variance that is independent between neighbours. Chosen:
+# residuals of two matches of one point have no independent share.
 MIN_INDEPENDENT_SHARE = 0.05
 
-# Bound of the noise variance over the independent one, in the search. Chosen.
+# Upper bound of the noise variance in the search for one of two motions, over the residual variance
+# that is independent between neighbours. Chosen.
 SEARCH_NOISE_BOUND = 0.2
 
 # Least log-likelihood ratio of two motions to one, divided by the design effect. Measured: objects
@@ -264,5 +287,5 @@ DOMINANT_SHARE = 1.0 / 3.0
 # Residual correlation from which on a part of the image may have its own motion. Chosen.
 SUSPECT_CORRELATION = 0.3
 
-# Least number of matches of a part. Chosen.
+# Least number of matches of each of the two parts. Chosen.
 MIN_PART_MATCHES = 20

@@ -58,11 +58,12 @@ def general_motion_covariance(fit: GeneralMotionFit) -> np.ndarray:
     in the flow increases the Gauss-Newton matrix like true flow. H is corrected for this noise. V
     is a weighted mean of two matrices: the Gauss-Newton matrix, correct if the noise model is
     true, and the scatter of the gradient over the matches, which is correct for any noise. The
-    weight of the scatter grows with the number of matches.
+    weight of the scatter grows with the effective number of matches.
 
     If the direction is uncertain, H depends on the pose: a small error of the rotation lengthens
-    all flow and increases the information. The covariance is then averaged over the poses within
-    one sigma.
+    the flow of all matches and increases the information. If the root of the sum of the variances
+    of the direction exceeds `LINEAR_DIRECTION_SIGMA`, the covariance is therefore averaged over the
+    poses within one sigma.
     """
     covariance = fit.covariance
     if LINEAR_DIRECTION_SIGMA**2 < covariance[3, 3] + covariance[4, 4] < math.inf:
@@ -77,7 +78,8 @@ def split_half_ratio(fit: GeneralMotionFit, splits: int) -> float | None:
     the covariances of the poses predict (delete-d jackknife: Shao and Wu, Ann. Stat. 17, 1989, DOI
     10.1214/aos/1176347263). A patch is never split, because neighbouring matches are not
     independent (Künsch, Ann. Stat. 17, 1989, DOI 10.1214/aos/1176347265). The result is the mean
-    over random ``splits``; None without splits or for few matches.
+    over random ``splits``, divided by the ratio of independent noise, `INDEPENDENT_SPLIT_RATIO`;
+    None without splits or for fewer than `MIN_SPLIT_MATCHES` matches.
     """
     matches = fit.matches
     if not _can_split(matches, splits) or not math.isfinite(fit.covariance[0, 0]):
@@ -95,7 +97,7 @@ def split_half_ratio(fit: GeneralMotionFit, splits: int) -> float | None:
 def split_half_ratio_of_rotation(
     matches: Matches, fit: PureRotationFit, splits: int
 ) -> float | None:
-    """`split_half_ratio` for a pure rotation.
+    """`split_half_ratio` for a pure rotation, not divided by `INDEPENDENT_SPLIT_RATIO`.
 
     A split is left out if one of the halves determines no rotation. The result is 1 if all splits
     are left out.
@@ -139,7 +141,8 @@ def inflation_by_halves(ratio: float | None, expected: float, freedom: int) -> f
 def mean_split_half_ratio(ratio: float | None, expected: float, pairs: int) -> float:
     """Mean split-half ratio of this pair of views and of ``pairs`` earlier pairs.
 
-    ``expected`` is the mean ratio of the earlier pairs.
+    ``expected`` is the mean ratio of the earlier pairs. The ratio of this pair is limited to
+    `MAX_RATIO_OVER_MEAN` times ``expected``.
     """
     if ratio is None:
         return expected
@@ -152,8 +155,9 @@ def inflation_beyond_patches(ratio: float | None, options: RelativePoseOptions) 
     Both halves of the matches share such errors, which cancel in the difference between the halves.
     Errors of a video codec are correlated over all lengths, from a block to the image. The variance
     that cancels is taken as proportional to the excess of the split-half ratio over 1.08 (bound for
-    uncompressed video). The factor is ``1 + slope * min(mean - 1.08, 1)``, at least 1, with the
-    ``mean`` over many pairs of views, because one pair's ratio has a large sampling error.
+    uncompressed video). The factor is ``1 + slope * min(mean - 1.08, 1)``, at least 1, where
+    ``slope`` is ``options.sharing_beyond_patches``, and ``mean`` is the `mean_split_half_ratio`,
+    because the ratio of one pair has a large sampling error.
     """
     expected, pairs = options.expected_half_ratio, options.expected_half_ratio_pairs
     excess = mean_split_half_ratio(ratio, expected, pairs) - UNCOMPRESSED_SPLIT_RATIO

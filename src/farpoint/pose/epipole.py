@@ -1,4 +1,7 @@
-"""Direction of translation from the pairwise intersections of the derotated flow (eqs. 14-17)."""
+"""Direction of translation from pairwise intersections of derotated flow.
+
+The method is that of Burschka and Mair (2008), eqs. 14-17.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +43,7 @@ def mean_epipole(
 ) -> EpipoleEstimate | None:
     """Weighted mean of the intersections of all pairs of great circles, with signs.
 
-    A derotated match moves along a great circle. The paper intersects lines in the image instead.
+    A derotated match moves along a great circle; eqs. 14-17 intersect lines in the image instead.
     On the sphere, an epipole at 90 degrees from the optical axis or behind the camera is no special
     case. The cross product of two normals weighs the intersection of two great circles by the sine
     of the angle between the circles.

@@ -1,4 +1,4 @@
-"""Rotation from far points (eqs. 7-13): RANSAC on unit rays, then refits with an SVD."""
+"""Rotation from far points by RANSAC on unit rays and refits (Burschka, Mair 2008, eqs. 7-13)."""
 
 from __future__ import annotations
 
@@ -44,7 +44,8 @@ def far_rotation(
     matches : Matches
         At least three matches.
     tolerance : float
-        Largest residual per coordinate of a consistent match, in units of the noise.
+        Largest distance ``|b - R a|`` of a consistent match, in units of the noise of one
+        coordinate.
     state : ndarray of uint64, shape (1,)
         Random state, which the function advances.
     max_iterations : int

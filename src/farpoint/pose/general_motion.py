@@ -107,7 +107,7 @@ class GeneralMotionFit:
     shows_direction : bool
         Whether the share of signal in the flow is large enough for a direction.
     iterations : int
-        Number of joint hypotheses tried.
+        Number of samples of five matches that the search has drawn.
     is_planar : bool
         Whether the second motion of a plane may have nearly the same likelihood.
     secondary_mode : tuple of ndarray, shapes (3, 3) and (3,), or None
@@ -126,8 +126,8 @@ class GeneralMotionFit:
     log_odds : float
         Log odds of the motion against the hypothesis that all matches are outliers.
     beyond_rotation, supporting : int
-        Number of inliers in the search that contradict every rotation that may fit, and number of
-        all inliers in the search.
+        Of the inliers among the matches used in the search: number that the best of three rotations
+        does not explain (`evidence.count_beyond_rotation`), and number of all.
     """
 
     R_cam1_from_cam0: np.ndarray
@@ -271,7 +271,7 @@ def refit_general_motion(matches: Matches, fit: GeneralMotionFit | Start) -> Gen
 
 
 def start_at(pose: RelativePose) -> Start:
-    """The start of a fit from a result that has a direction."""
+    """The start of a refinement from a result that has a direction."""
     R, t, noise = pose.rotation_cam1_from_cam0, pose.direction_cam1_from_cam0, pose.noise_px
     assert R is not None
     assert t is not None
@@ -332,10 +332,11 @@ def packed_pose(fit: GeneralMotionFit) -> Pose:
 
 
 def _least_signal(matches: Matches) -> float:
-    """Least share of signal in the flow with which a direction is observable.
+    """Least share of signal in the shrunk flow with which a direction is observable.
 
-    The least share is larger if the noise may be misspecified. The assumed noise is then multiplied
-    by a factor halfway between 1 and the square root of the misspecification factor.
+    The share of noise is at most `MAX_FLOW_NOISE_SHARE`. If the noise may be misspecified, the
+    sigma of the noise is taken as larger by a factor halfway between 1 and the square root of the
+    misspecification factor, and the largest share is divided by the square of this factor.
     """
     sigma = 0.5 * (1.0 + math.sqrt(matches.misspecification))
     return 1.0 - MAX_FLOW_NOISE_SHARE / (sigma * sigma)

@@ -27,8 +27,9 @@ def symmetric_inverse(information: np.ndarray) -> np.ndarray:
 
 
 def inverse_root(information: np.ndarray) -> np.ndarray:
-    """Matrix ``W`` so that ``W W^T`` is the bounded inverse of a symmetric positive semidefinite
-    matrix.
+    """Matrix ``W`` such that ``W W^T`` is the inverse of a positive semidefinite matrix.
+
+    Eigenvalues near 0 are replaced by a small positive value, so that the inverse is finite.
     """
     values, vectors = np.linalg.eigh(information)
     return vectors / np.sqrt(np.maximum(values, max(1e-14 * values[-1], 1e-12)))

@@ -86,8 +86,9 @@ def with_lens_uncertainty(
     is_observable : callable
         Whether the same pixels show a direction with other cameras and another shutter.
     false_alarm_rate : float
-        Lens errors less probable than this rate are excluded. A flow that noise explains at this
-        rate does not contradict a rotation.
+        Significance level of two chi-squared tests. Lens errors whose p-value is below this rate
+        are excluded. A match contradicts a rotation if the p-value of the flow that the rotation
+        leaves is below this rate.
 
     Returns
     -------
@@ -119,7 +120,10 @@ def with_lens_uncertainty(
 
 
 class _Rays(NamedTuple):
-    """Unit rays (N, 3), and derivatives of the rays by the pixel (N, 3, 2) and ``z`` (N, 3, r)."""
+    """Unit rays (N, 3), with derivatives by the pixel (N, 3, 2) and by the errors (N, 3, r).
+
+    The errors are ``z`` of `_Lenses`.
+    """
 
     rays: np.ndarray
     by_pixel: np.ndarray
@@ -299,7 +303,7 @@ def _solved(by_x: np.ndarray, by_lens: np.ndarray, weight: np.ndarray) -> np.nda
 def _flow(R: np.ndarray, rays0: _Rays, rays1: _Rays) -> tuple[np.ndarray, np.ndarray]:
     """Derotated flow ``b - R a`` (N, 3), and its derivatives (N, 3, 3 + r) by ``[dtheta, dz]``.
 
-    The flow is perpendicular to ``b``, up to its square.
+    To first order in the length of the flow, the flow is perpendicular to ``b``.
     """
     a = rays0.rays @ R.T
     by_x = np.empty((len(a), 3, 3 + rays0.by_lens.shape[2]))
@@ -309,7 +313,7 @@ def _flow(R: np.ndarray, rays0: _Rays, rays1: _Rays) -> tuple[np.ndarray, np.nda
 
 
 def _flow_variance(rays0: _Rays, rays1: _Rays) -> np.ndarray:
-    """Variance (N,) of the flow along one direction if each pixel coordinate has one of 1 px^2."""
+    """Variance (N,) of the flow along one direction, for a variance of 1 px^2 per coordinate."""
     noise = np.sum(rays1.by_pixel**2, axis=(1, 2)) + np.sum(rays0.by_pixel**2, axis=(1, 2))
     return np.maximum(0.5 * noise, np.finfo(float).tiny)
 

@@ -74,11 +74,12 @@ def is_motion(fit: GeneralMotionFit, rate: float) -> bool:
 
 
 def is_clearly_translating(fit: GeneralMotionFit) -> bool:
-    """Whether many inliers contradict every rotation that may fit them.
+    """Whether even the best of three rotations leaves many inliers unexplained.
 
-    In this common case no pure rotation needs to be fitted. The contradicting inliers must be more
-    than a share of 0.1 of all inliers, and more than 8 plus 4 times the number of outliers that are
-    expected to lie on their epipolar lines by chance.
+    The numbers of unexplained and of all inliers are ``fit.beyond_rotation`` and
+    ``fit.supporting``. In this common case no pure rotation needs to be fitted. The unexplained
+    inliers must be more than a share of 0.1 of all inliers, and more than 8 plus 4 times the number
+    of outliers that are expected to lie on their epipolar lines by chance.
     """
     outliers = min(len(fit.matches), MAX_SEARCHED) - fit.supporting
     chance = min(GATE_SIGMA * fit.noise.sigma / fit.matches.outlier_half_width, 1.0)

@@ -36,5 +36,6 @@ def noise_floor(matches: Matches, fit: GeneralMotionFit | Start) -> float:
     # The same residual, in units of the common noise and in units of the given noise.
     variances = squares / residual[inlier] ** 2
     log_likelihood = floor_likelihoods(squares, variances, NOISE_FLOORS, STUDENT_FREEDOM, EM_ROUNDS)
-    # Of floors equally likely up to rounding, the least: equal given covariances have no floor.
+    # The least of the floors that are equally likely up to rounding: with equal given covariances
+    # all floors are equally likely, and the result is 0.
     return float(NOISE_FLOORS[np.argmax(np.round(log_likelihood, 6))])

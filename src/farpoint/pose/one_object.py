@@ -32,7 +32,8 @@ def is_one_object(rays: np.ndarray, labels: np.ndarray) -> bool:
     """
     near, inliers = labels == 2, labels > 0
     count, total = np.count_nonzero(near), np.count_nonzero(inliers)
-    # The region holds its share of the near matches at the least: no need to look for it.
+    # The region contains at least `OBJECT_REGION_SHARE` of the near matches. If these alone are too
+    # many for a compact region, the region is not computed.
     if (
         count < MIN_OBJECT_NEAR
         or total - count < MIN_MATCHES

@@ -24,19 +24,20 @@ class RelativePoseOptions:
         data. For rays the unit is ``noise_rad``, and the tolerance is at least 3.
     refine : bool
         Refine rotation and direction jointly to the maximum likelihood. False gives the closed
-        form of Burschka and Mair (2008): the rotation from an SVD of the far rays, the direction
+        form of Burschka and Mair (2008): the least-squares rotation of the far rays, the direction
         as the weighted mean of the pairwise intersections of derotated flow, and the covariance
-        from the scatter of these intersections.
+        from the residuals of the far rays and from a jackknife over the other matches.
     flow_saturation_px : float
         Length L in eqs. 14-17, px. Derotated flow of this length or more has full weight in the
         mean of the pairwise intersections. The weight of shorter flow is proportional to the
         length of the flow.
     confidence : float
-        Probability, in (0, 1), that the search draws at least one sample without an outlier.
+        Probability, in (0, 1), with which the search must find the right motion: a sample without
+        outliers that converges to this motion. A higher probability needs more samples.
     min_iterations, max_iterations : int
-        Bounds on the number of joint hypotheses of rotation and direction in one search. A search
-        in few matches tries at most as many hypotheses as there are distinct samples of five
-        matches.
+        Bounds on the number of joint hypotheses of rotation and direction in one search, each from
+        a sample of five matches. A search in few matches draws at most ln 2 times the number of
+        distinct samples, but at least ``min_iterations`` samples.
     shared_error_px : float
         1-sigma, px, of an error that is common to all matches. A common error does not average out
         over the matches and bounds the covariance of the rotation from below. For rays the unit is

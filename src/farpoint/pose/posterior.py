@@ -1,14 +1,16 @@
 """The likeliest of all candidate motions, and what else the matches allow.
 
 The evidence of a motion (`GeneralMotionFit.log_evidence`) is the log likelihood of all matches with
-Laplace's factor, the sign of the direction, and a down-weighted prior of the parallax. The log
-ratio of two motions is the difference of their evidences plus the log-likelihood ratio of the
-residuals alone, with the same noise for both motions, divided by `Matches.tempering`.
+Laplace's factor, the log probability of the sign of the direction, and a down-weighted prior of the
+parallax. The log ratio of two motions is the difference of their evidences plus the log-likelihood
+ratio of the residuals alone, with the same noise for both motions. Tests and probabilities use this
+sum divided by `Matches.tempering`.
 
 The two motions of a plane are the exception: their log likelihoods differ by chance, by about
 sqrt(N) for N matches, because each motion ignores the noise along its own epipolar lines. The
-relief of the plane decides instead. If the evidences differ by more than by chance, or noise and
-relief may be misspecified, the ratio by relief counts only if the evidence prefers the same motion.
+relief of the plane decides instead. If the evidences differ by more than by chance, or if the noise
+may be misspecified or correlated, the log ratio by relief counts only if the evidence prefers the
+same motion.
 """
 
 from __future__ import annotations
@@ -80,7 +82,8 @@ class Alternative(NamedTuple):
 
         The added covariance is the squared difference between the two motions times the probability
         of this motion. A share of 0.1 of the squared difference is rotated by 90 degrees about the
-        direction. The added covariance is zero if the two directions are far apart.
+        direction. The added covariance is zero if the two directions differ by more than 30
+        degrees (`COS_SAME_MODE`).
         """
         if _cosine(self, fit) < COS_SAME_MODE:
             return np.zeros((5, 5))
@@ -96,8 +99,9 @@ class Alternative(NamedTuple):
         return self.probability(fit.matches.tempering, PLANE_TEMPERING) * mixed
 
     def rotation_covariance_beside(self, fit: GeneralMotionFit) -> np.ndarray:
-        """Covariance (3, 3), rad^2, to add to the rotation of ``fit`` because this motion may be
-        the true motion.
+        """Covariance (3, 3), rad^2, to add to the rotation of ``fit`` for the case of this motion.
+
+        The covariance is that of `covariance_between` with the probability of this motion.
         """
         return covariance_between(self._turn_from(fit), self.probability(fit.matches.tempering))
 
@@ -105,7 +109,8 @@ class Alternative(NamedTuple):
         """Probability of this motion.
 
         The probability is ``1 / (1 + exp(tempering * log_ratio / misspecification))``, where
-        ``misspecification`` is the misspecification factor of the noise variance.
+        ``misspecification`` is the factor `Matches.tempering`, and ``tempering`` is the tempering
+        exponent of a comparison of two motions.
         """
         return 1.0 / (1.0 + math.exp(min(tempering * self.log_ratio / misspecification, 700.0)))
 
@@ -166,10 +171,11 @@ def compare_motions(
 ) -> Posterior:
     """Refine the candidate motions by all matches, and compare them with a fitted motion.
 
-    A motion is ruled out at the false-alarm rate ``rate``. A candidate is not taken if it makes the
-    residuals of neighbours correlated, as a merged mode of two motions does. If the direction of
-    the likeliest motion is uncertain, and no other motion is possible, other directions are tried,
-    too.
+    A motion is ruled out at the false-alarm rate ``rate``. A candidate cannot become the likeliest
+    motion if it makes the residuals of neighbours more correlated than ``fit`` does, and
+    significantly correlated, as a merged mode of two motions does. If the direction of the
+    likeliest motion is uncertain, and no motion in another direction is possible, a search in other
+    directions follows.
     """
     of_plane = _other_of_plane(fit)
     pool = [refit_general_motion(matches, start) for start in candidates]
@@ -203,12 +209,14 @@ def _unless_near(other: Alternative | None, pool: list[GeneralMotionFit]) -> lis
 def _log_ratio(one: GeneralMotionFit, other: GeneralMotionFit) -> float:
     """Log ratio of two motions: difference of their evidences, plus log ratio by residuals alone.
 
-    The evidence has the prior of the parallax, which is estimated with each motion and so favours
-    motions that leave little parallax. The residuals alone, with a uniform prior, do not favour
-    them. The noise is that of the tracker and not of a motion, so the residuals of both motions
-    have the noise of the motion that leaves less: a motion that explains wrong matches by a larger
-    noise gains nothing. `Alternative.probability` halves the sum of both log ratios, which gives
-    their mean.
+    The evidence contains the prior of the parallax, which is estimated separately for each motion
+    and therefore favours motions that leave little parallax. The log-likelihood ratio of the
+    residuals alone has a uniform prior, and does not favour such motions. The noise is a property
+    of the tracker and not of a motion. In the second ratio the residuals of both motions therefore
+    have the same noise, the smaller one, so that a motion gains nothing by explaining outliers by a
+    larger noise. For motions in about the same direction, the result is the difference of the
+    evidences alone. `LOG_RATIO_TEMPERING`, 0.5, in `Alternative.probability` turns the sum of both
+    log ratios into their mean.
     """
     difference = one.log_evidence - other.log_evidence
     if _cosine(one, other) > COS_NEARBY:

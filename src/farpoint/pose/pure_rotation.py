@@ -1,8 +1,8 @@
 """The pure rotation with the maximum likelihood.
 
 The pure-rotation model predicts both coordinates of a match. Inliers have normal noise of unknown
-scale, and outliers are uniform. EM estimates the noise scale and the outlier share together with
-the rotation.
+scale with a heavy tail, and outliers are uniform. EM estimates the noise scale and the outlier
+share together with the rotation.
 """
 
 from __future__ import annotations

@@ -38,8 +38,8 @@ def conclude_pure_rotation(
 ) -> RelativePose:
     """Result from the fitted pure rotation.
 
-    The covariance of the result includes the squared difference to the rotation of the general
-    motion, in proportion to the ``evidence`` for the general motion.
+    The covariance of the result includes the covariance for the case that the general motion is the
+    true one, in proportion to the ``evidence`` for the general motion, 0 to 1.
     """
     sigma, rate = fit.noise.sigma, options.false_alarm_rate
     inlier = fit.probability > 0.5
@@ -92,8 +92,9 @@ def _inflated_covariance(
 def _covariance_if_general(fit: PureRotationFit, general: GeneralMotionFit) -> np.ndarray:
     """Covariance (3, 3), rad^2, of the pure rotation if the general motion is the true one.
 
-    The squared difference between both rotations is spread over all axes, because the axis of the
-    difference depends on the unknown direction.
+    Half of the squared angle between both rotations is the variance of every axis, because the axis
+    of the difference depends on the unknown direction. The covariance of the general motion's
+    rotation is added if it fixes the rotation (`fixes_rotation`).
     """
     apart = rotation_vector(fit.R_cam1_from_cam0 @ general.R_cam1_from_cam0.T)
     isotropic = 0.5 * math.hypot(*apart) ** 2 * IDENTITY

@@ -59,7 +59,8 @@ def estimate_relative_pose(
     Returns
     -------
     RelativePose
-        Too few or contradicting matches raise no error. ``status`` says what is observable.
+        Too few or contradicting matches raise no error. ``status`` shows which quantities are
+        observable.
 
     Raises
     ------

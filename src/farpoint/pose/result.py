@@ -128,10 +128,10 @@ class RelativePose:
 
     @property
     def heading_cam0(self) -> np.ndarray | None:
-        """Direction of travel in the axes of camera 0, unit vector, shape (3,). The pixel of this
-        vector is the epipole.
+        """Direction of travel in the axes of camera 0, unit vector, shape (3,).
 
-        ``-R.T @ direction``, or None unless status is OK.
+        The heading is ``-R.T @ direction``, and the pixel of the heading is the epipole. None
+        unless status is OK.
         """
         if self.rotation_cam1_from_cam0 is None or self.direction_cam1_from_cam0 is None:
             return None
@@ -139,10 +139,10 @@ class RelativePose:
 
     @property
     def heading_covariance(self) -> np.ndarray | None:
-        """Covariance of `heading_cam0`, shape (3, 3), rad^2. The rank is 2: the variance along the
-        heading is zero.
+        """Covariance of `heading_cam0`, shape (3, 3), rad^2; None unless status is OK.
 
-        To first order ``dheading = -R.T @ ([direction]x @ dtheta + direction_basis @ dbeta)``.
+        The rank is 2: the variance along the heading is zero. To first order
+        ``dheading = -R.T @ ([direction]x @ dtheta + direction_basis @ dbeta)``.
         """
         R, t, B = self.rotation_cam1_from_cam0, self.direction_cam1_from_cam0, self.direction_basis
         if R is None or t is None or B is None or self.covariance is None:
@@ -218,8 +218,8 @@ class RelativePose:
         Returns
         -------
         ndarray, shape (6, 6), or None
-            Covariance in rad^2, in the squared unit of ``scale``, and in their mixed products.
-            None unless status is OK.
+            Covariance: rotation in rad^2, translation in the squared unit of ``scale``, and the
+            cross-covariance in rad times the unit of ``scale``. None unless status is OK.
 
         Raises
         ------
@@ -258,7 +258,7 @@ class RelativePose:
         MissingExtraError
             If gtsam is not installed.
         InputError
-            If the scale or its sigma is not positive.
+            If a scale is given, and the scale or its sigma is not positive.
         """
         R, d, B = self.rotation_cam1_from_cam0, self.direction_cam1_from_cam0, self.direction_basis
         if R is None or d is None or B is None or self.covariance is None:

@@ -29,8 +29,8 @@ __all__ = ["AngularVelocityPrior", "Shutter", "shutter_of"]
 class AngularVelocityPrior(NamedTuple):
     """Prior of the camera's angular velocity at the two views.
 
-    Let w(t) be the angular velocity, with the time between the views as the unit of time. If its
-    mean over (-1, 0) is known, the prior is linear in time, with the known means over (-1, 0) and
+    Let w(t) be the angular velocity, with image 0 at t = 0 and image 1 at t = 1. If the mean of w
+    over (-1, 0) is known, the prior is linear in time, with the known means over (-1, 0) and
     (0, 1); otherwise the prior is constant, the mean over (0, 1). The true w(0) and w(1) differ
     from the linear prior by -1/6 and 1/3 of the second derivative of w, and from the constant prior
     by -1/2 and 1/2 of the first derivative of w (Taylor).

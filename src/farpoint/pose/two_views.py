@@ -62,7 +62,7 @@ def estimate(
     seed: int,
     start: GeneralMotionFit | None = None,
 ) -> RelativePose:
-    """The motion of the matches. If a ``start`` from an earlier search is given, none is made."""
+    """The motion of the matches; with a ``start`` from an earlier search there is no new search."""
     diagnostics = Diagnostics()
     if len(matches) < MIN_MATCHES:
         return failed_pose(
@@ -146,7 +146,7 @@ def _with_noise_floor(
     floor = noise_floor(matches, general)
     if not floor or matches.given_noise is None:
         return matches, start
-    # The search tested for a plane with noise that lacked the floor.
+    # The search tested for a plane with noise that lacked the floor; is_planar repeats the test.
     return matches.given_noise.with_floor(floor), replace(general, is_planar=True)
 
 

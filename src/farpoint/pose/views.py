@@ -60,8 +60,8 @@ def estimate_views(
 ) -> RelativePose:
     """The motion between two views.
 
-    If a motion ``searched`` from the same matches is given, there is no new search. The earlier
-    search may have used the pixels before they were corrected.
+    If a motion ``searched`` from the same matches is given, there is no new search. The pixels of
+    ``views`` may differ from those of the earlier search by a correction for perspective.
     """
     shutter = views.shutter()
     pixels, start = views.pixels(), None if searched is None else searched.fit
@@ -94,8 +94,9 @@ def search_views(
 ) -> Searched | None:
     """The motion found by a search, or a likelier motion near the predicted motion.
 
-    ``predicted`` is a rotation and a direction, cam1_from_cam0. The result is None for too few
-    matches.
+    ``predicted`` is a rotation and a direction, cam1_from_cam0. With a rolling shutter, the
+    predicted motion is returned as ``other`` if the two directions differ (`COS_NEARBY`), and both
+    motions are compared after correction of the rows. The result is None for too few matches.
     """
     shutter = views.shutter()
     searched = search_rolling(shutter, views.pixels(), options, seed)
