@@ -18,8 +18,7 @@ _LEAST = 1e-15  # smallest positive number
 def coerce_float(
     options: object, expected: str, is_valid: Callable[[float], bool], *names: str
 ) -> None:
-    """Coerce the named fields of a record of options to Python's ``float``, and validate the
-    values.
+    """Coerce the named fields of an options record to ``float``, and validate the values.
 
     Integers and NumPy scalars are converted, because a compiled kernel has one argument type. The
     magnitude is at most 1e9.

@@ -59,7 +59,7 @@ def positions_of_topic(bag: Bag, topic: str, sigma_m: float) -> GnssPositions:
     topic : str
         Name of the topic.
     sigma_m : float
-        1-sigma of a coordinate, m. This value is used if any message has no covariance.
+        1-sigma of a coordinate, m, of all positions if any message has no covariance.
 
     Raises
     ------

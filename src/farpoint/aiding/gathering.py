@@ -23,8 +23,8 @@ from farpoint.odometry import OdometryResult
 __all__ = ["Accumulator", "accumulator_for"]
 
 _WINDOW_S = 1.0  # averaging time: errors of shorter readings are correlated
-_LEAST_SPEED = 0.5  # m/s: below it the error of a speed is not relative
-_LEAST_SIGMA = 0.002
+_LEAST_SPEED = 0.5  # m/s: below, the error of a speed is not proportional to the speed
+_LEAST_SIGMA = 0.002  # least relative 1-sigma of a reading
 _GNSS_SIGMAS = 10.0  # least distance of compared positions, in sigma
 _HEIGHT_SIGMA = 0.05  # relative 1-sigma of a reading: the road is not a plane
 
@@ -158,9 +158,7 @@ class _Distance:
         self._begin: OdometryResult | None = None
 
     def add(self, camera: Camera, result: OdometryResult) -> list[Reading]:
-        """Add a result. The second frame gives the reading, unless the scale was lost after the
-        first.
-        """
+        """Add a result. The second frame gives the reading if both frames are in one segment."""
         del camera
         if result.frame1 == self._measurement.frame0:
             self._begin = result

@@ -13,15 +13,14 @@ __all__ = ["find_ground"]
 
 _LEAST_POINTS = 12
 _LEAST_SHARE = 0.25  # of the points below the horizon: with fewer, the plane may be a kerb
-_BELOW = 0.1  # sine of the angle below the horizon under which ground is looked for
+_BELOW = 0.1  # sine of the least angle between the horizon and a ray to a ground point
 _TILT = 0.17  # rad: largest angle between the plane's normal and the camera's y axis
-_BAND = 0.06  # of the height: points this near to the plane are of it
+_BAND = 0.06  # distance from the plane over the height, below which a point is an inlier
 _HYPOTHESES = 150
 
 
 def find_ground(camera: Camera, result: OdometryResult) -> float | None:
-    """Height over the ground, in the unit of the trajectory; None with too few points on the
-    ground.
+    """Height over the ground, in the unit of the trajectory; None with too few ground points.
 
     The ground is the plane through the largest number of points below the horizon, among the planes
     with a normal within 10 degrees of the y axis of the camera. The points are the near points of
@@ -60,7 +59,7 @@ def _points_below(camera: Camera, result: OdometryResult) -> np.ndarray:
     rays0, rays1 = camera.unproject(near.points0), camera.unproject(near.points1)
     inverse = inverse_depths(rays0, rays1, R, pose.direction_cam1_from_cam0)
     below = (rays1[:, 1] > _BELOW) & (inverse > 0.0)
-    # Parallax of some pixels: farther off, the height is mostly noise.
+    # Parallax of at least 20 sigma of the noise: with less, the height is mostly noise.
     angle = np.linalg.norm(np.cross(rays1, rays0 @ R.T), axis=1)
     noise = (pose.noise_px or 0.1) * float(np.median(_px_rad(camera, rays1)))
     sure = below & (angle > 20.0 * noise)

@@ -15,7 +15,7 @@ from farpoint.odometry import OdometryResult
 
 __all__ = ["MetricEstimate", "MetricScale"]
 
-_RECENT = 120  # readings of the current estimate
+_RECENT = 120  # number of last readings from which `MetricScale.add` estimates the current scale
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,14 +39,14 @@ class MetricScale:
 
     Parameters
     ----------
-    hints : iterable of Hint
+    measurements : iterable of AidingMeasurement
         `KnownSpeed`, `CameraHeight`, `KnownDistance` or `GnssPositions`. All measurements of one
         kind share an error.
 
     Attributes
     ----------
     readings : list of Reading
-        All comparisons so far, at most one per second for each measurement.
+        All comparisons so far. Speeds and heights give at most one reading per second.
 
     Examples
     --------

@@ -78,7 +78,7 @@ class MetricOptions(HeightOptions):
         1-sigma of a coordinate, m.
     gnss_topic : str or None
         Topic with ``sensor_msgs/NavSatFix`` in the bag of the images. Covariances of the messages
-        replace ``gnss_sigma``.
+        replace ``gnss_sigma`` if all messages have one.
     """
 
     speed: Path | None = None

@@ -16,9 +16,9 @@ _DOF = 3.0  # of the t distribution of readings: heavy tails
 _ROUNDS = 40
 _TOLERANCE = 1e-7
 _CONTRADICTS = 3.0  # sigma
-_EXCLUDED_FACTOR = 1e6  # variance factor of an excluded reading: regular equations
-_EXCLUSIONS = 4  # rounds until the same readings contradict as before
-_LEAST_DRIFT = 1e-8  # variance between readings: a scale that could not drift at all has no inverse
+_EXCLUDED_FACTOR = 1e6  # variance factor of an excluded reading: finite, for regular equations
+_EXCLUSIONS = 4  # largest number of rounds; fewer if the excluded readings do not change
+_LEAST_DRIFT = 1e-8  # least variance of a scale change or a shared error: zero has no inverse
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,8 +77,8 @@ class MetricFit:
     def at(self, time_s: float, segment: int) -> tuple[float, float]:
         """Metres per unit at a time in a segment, and the 1-sigma of the logarithm of this number.
 
-        For a segment without readings, the result is the last scale of an earlier segment, which is
-        a guess.
+        For a segment without readings, the result is a guess: the last scale of an earlier segment,
+        or the first scale if no earlier segment has readings.
         """
         inside = np.flatnonzero(self.segments == segment)
         if not len(inside):
@@ -178,9 +178,9 @@ def _medians(z: np.ndarray, variance: np.ndarray, readings: list[Reading]) -> np
 def _solve(
     z: np.ndarray, weight: np.ndarray, kind: np.ndarray, shared: np.ndarray, walk: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Scale (N,), errors of the kinds (K,), and variance of the scale (N,).
+    """Log scale (N,), shared error of each kind (K,), and variance of the log scale (N,).
 
-    The variance includes the uncertainty of the errors of the kinds.
+    The variance includes the uncertainty of the shared errors.
     """
     banded = np.zeros((2, len(z)))
     banded[1] = weight
@@ -190,7 +190,7 @@ def _solve(
     B = weight[:, None] * (kind[:, None] == np.arange(len(shared)))
     right = np.column_stack([weight * z, B])
     alone = solveh_banded(banded, right) if len(z) > 1 else right / weight[:, None]
-    # Errors of the kinds by elimination; one that is known to be zero drops out.
+    # Shared errors by elimination of the scale (Schur complement S).
     S = np.diag(B.sum(axis=0) + 1.0 / np.maximum(shared, _LEAST_DRIFT)) - B.T @ alone[:, 1:]
     covariance = np.linalg.inv(S)
     common = covariance @ (B.T @ (z - alone[:, 0]))
@@ -200,8 +200,9 @@ def _solve(
 
 
 def _diagonal_of_inverse(banded: np.ndarray) -> np.ndarray:
-    """Diagonal of the inverse of a tridiagonal positive matrix, by continued fractions from both
-    ends.
+    """Diagonal of the inverse of a tridiagonal positive definite matrix.
+
+    The matrix is eliminated from both ends, and the two pivots of each row are combined.
     """
     aside, main = banded[0, 1:] ** 2, banded[1]
     down, up = main.copy(), main.copy()

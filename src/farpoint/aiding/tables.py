@@ -19,7 +19,7 @@ __all__ = ["earth_centred", "read_gnss", "read_speeds"]
 
 _LARGEST_BYTES = 1 << 28
 _MOST_ROWS = 4_000_000  # 11 hours at 100 a second
-_LARGEST = 1e12  # of a time in s, a speed or a coordinate in m; squares of it keep their meaning
+_LARGEST = 1e12  # of a time in s, a speed in m/s or a coordinate in m or deg
 _EQUATOR_M, _FLATTENING = 6378137.0, 1.0 / 298.257223563  # WGS 84
 
 

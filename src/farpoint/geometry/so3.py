@@ -32,7 +32,7 @@ def exp(rotation_vector: np.ndarray) -> np.ndarray:
     vectors = np.asarray(rotation_vector)
     if vectors.ndim == 1:
         return _rotation_of(*vectors.tolist())
-    # As one list: SciPy before 1.17 knows no arrays of more axes.
+    # Reshaped, because SciPy before 1.17 supports one leading axis only.
     R = scipy.spatial.transform.Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix()
     return R.reshape(*vectors.shape, 3)
 
@@ -49,7 +49,8 @@ def log(R: np.ndarray) -> np.ndarray:
 def rotation_vector(R: np.ndarray) -> tuple[float, float, float]:
     """Logarithm of one rotation (3, 3) in plain numbers, because arrays take 50 times as long."""
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = R.tolist()
-    # With the quaternion q, 4 q q^T; the row of its largest element has the least rounding.
+    # The rows of 4 q q^T with the quaternion q. The longest row, that of the largest element of q,
+    # has the least rounding error.
     w, x, y, z = max(
         (1.0 + xx + yy + zz, zy - yz, xz - zx, yx - xy),
         (zy - yz, 1.0 + xx - yy - zz, xy + yx, xz + zx),

@@ -22,11 +22,12 @@ class CaptureTimes:
     """Capture times of a camera with a constant period, from time stamps of arrival.
 
     A time stamp can be the arrival time of a frame. Drivers and buses delay frames by some
-    milliseconds, which changes velocities by 10 % and more. If the period is constant, the errors
-    of the time stamps are independent. The variance of an interval between two time stamps is then
+    milliseconds, which changes velocities by 10 % and more. If the period is constant, the capture
+    time is on a line over the frame number, which is fitted to the last 60 time stamps. The errors
+    of the time stamps are then independent: the variance of an interval between two time stamps is
     twice the variance of a time stamp, and successive intervals have a correlation of -1/2. If the
     period varies, as on phones in changing light, the intervals are independent, and the time
-    stamps drift away from a line over the frame number. The time stamps are then used unchanged.
+    stamps drift away from the line. The time stamps are then used unchanged.
     """
 
     def __init__(self) -> None:
@@ -54,7 +55,7 @@ class CaptureTimes:
         period = float(np.median(intervals)) if len(intervals) > 1 else 0.0
         if not period > 0.0:
             return last
-        counts = np.maximum(np.rint(intervals / period), 1.0)  # more than one where some are lost
+        counts = np.maximum(np.rint(intervals / period), 1.0)  # above 1 where frames are lost
         x = np.concatenate([[0.0], np.cumsum(counts)])
         x -= x.mean()
         period = float(x @ stamps / (x @ x))

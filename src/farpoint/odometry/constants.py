@@ -12,25 +12,29 @@ AVERAGED_CHANGES = 30
 # Number of time stamps to which a line is fitted, at most. Chosen.
 MAX_STAMPS = 60
 
-# Least number of time stamps that show that their period varies. Chosen.
+# Least number of time stamps for the test whether the period varies. Fewer time stamps are taken as
+# of a constant period. Chosen.
 MIN_STAMPS = 15
 
-# Jitter of time stamps over their period up to which there is none. Chosen.
+# Root mean square of the departures of intervals from multiples of the period, over the period.
+# Below, time stamps are used unchanged. Chosen.
 NO_JITTER = 1e-6
 
-# Largest departure of an interval from a multiple of the period, over the period. Chosen.
+# Largest departure of an interval from a multiple of the period, over the period. Beyond, time
+# stamps are used unchanged. Chosen.
 MAX_INTERVAL_DEPARTURE = 0.35
 
-# Largest root mean square of the departures from the line, over that of intervals, of a constant
-# period. Derived: between 0.71 for constant periods, and above 1 for varying ones.
+# Constant period: largest root mean square departure of time stamps from the line, over the root
+# mean square departure of intervals from multiples of the period. Derived: between 0.71 for
+# constant periods, and above 1 for varying ones.
 MAX_DEPARTURE_RATIO = 0.85
 
 # Largest correlation of successive intervals of a constant period. Derived: between -0.5 for
 # constant periods, and 0 for varying ones.
 MAX_INTERVAL_CORRELATION = -0.25
 
-# Interval of two frames before the first one is known, s. Convention: 10 frames per second, as
-# elsewhere.
+# Interval between two frames before the first interval is known, s. Convention: 10 frames per
+# second.
 FIRST_INTERVAL_S = 0.1
 
 # Weight of the initial split-half ratio, in pairs of frames. Chosen.
@@ -40,12 +44,14 @@ FIRST_RATIO_PAIRS = 2
 # Chosen.
 MAX_RATIO_PAIRS = 100
 
-# False-alarm rate of a change of the lens. Convention: that of 3 sigma.
+# False-alarm rate of the test whether the path's lens differs from the lens in use. Convention:
+# that of 3 sigma.
 LENS_CHANGE_FALSE_ALARM = 0.0027
 
-# Frames per seed with different random splits. Chosen.
+# Offset between the random numbers of splits for successive values of `OdometryOptions.seed`, in
+# frames: `Odometry.split_half` uses the seed ``frame1 + FRAMES_PER_SEED * seed``. Chosen.
 FRAMES_PER_SEED = 1_000_000
 
-# Number of frames whose kernels are usually new to a process. Derived: frame 0 detects corners, 1
-# tracks and estimates, and 2 predicts.
+# Number of first frames that call kernels for the first time in a process. Derived: frame 0 detects
+# corners, frame 1 tracks and estimates, and frame 2 predicts.
 FRAMES_WITH_NEW_KERNELS = 3

@@ -13,7 +13,7 @@ class HalfRatios:
 
     The ratio of one pair has a large sampling error. On real video, ratios of neighbouring pairs
     are hardly more correlated than ratios of distant pairs, but the mean ratios of two videos can
-    differ by a factor of 2.
+    differ by a factor of 2. The mean over the earlier pairs of the video is therefore used.
 
     Parameters
     ----------

@@ -17,13 +17,14 @@ __all__ = ["LensInUse"]
 
 
 class LensInUse:
-    """The camera of two-view estimates: the given camera, until the path's estimate differs
-    significantly.
+    """The camera of two-view estimates.
 
-    An insignificant difference is noise, and each change of the lens recomputes tables. After a
-    change, or if the given camera is uncertain, the lens covariance is the covariance of the path's
-    estimate plus the squared difference between the lens in use and the path's estimate. An unknown
-    shutter counts as global until the estimated read-out time exceeds 3 sigma.
+    This is the given camera until the lens estimate of the path differs significantly. An
+    insignificant difference is noise, and each change of the lens recomputes tables. After a
+    change, or if the given camera has an uncertainty, the lens covariance is ``C + d d^T``, where C
+    is the covariance of the path's estimate, and d is the difference between the lens in use and
+    the path's estimate. An unknown shutter counts as global until the estimated read-out time
+    exceeds 3 sigma.
 
     Parameters
     ----------
@@ -38,8 +39,8 @@ class LensInUse:
         if options.readout_ms is not None:
             self.camera = camera.with_readout(1e-3 * options.readout_ms)
         self._is_shutter_known = self.camera.readout_s is not None
-        self._z: np.ndarray | None = None  # in use, once another than the given lens is
-        self._solution: np.ndarray | None = None  # of the last update
+        self._z: np.ndarray | None = None  # lens in use; None for the given lens
+        self._solution: np.ndarray | None = None  # covariance at the last update
 
     def update(self, lens: LensEstimate | None) -> None:
         """Adopt the path's estimate of lens and shutter if the difference is significant."""
@@ -59,7 +60,7 @@ class LensInUse:
             self.camera = self.camera.with_readout(lens.readout_s, sigma_s)
 
     def interval_s(self, seconds: float) -> float | None:
-        """Time between two views, s, or the read-out time if that is longer; None if unknown."""
+        """Time between two views, s, at least the read-out time; None if either is unknown."""
         if seconds <= 0.0 or self.camera.readout_s is None:
             return None
         return max(seconds, self.camera.readout_s)

@@ -32,7 +32,8 @@ class OdometryResult:
         frame are the world axes.
     scale, scale_sigma : float or None
         Length of the translation from ``frame0`` to ``frame1`` and its 1-sigma, in the unit of the
-        trajectory (the length of the first motion of the segment). None without a translation.
+        trajectory: the length of the first observable translation. The first translation of a later
+        segment has the length ``last speed * time``. None without a translation.
     world_covariance : ndarray, shape (7, 7), or None
         Covariance of the errors ``[dtheta (3), dposition (3), dlog_scale]`` that have accumulated
         since the beginning of the segment, in world axes, rad and units of the trajectory. The

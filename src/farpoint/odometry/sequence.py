@@ -119,7 +119,7 @@ class Odometry:
         self._lens = LensInUse(camera, self.options.lens)
         self._angular_velocity = AngularVelocity()
         self._time, self._capture, self._fields = RisingTime(), CaptureTimes(), Deinterlacer()
-        self._captured = 0.0  # when the current frame was, s
+        self._captured = 0.0  # capture time of the current frame, s
         self._timestamps: dict[int, float] = {}  # of frames whose poses are not final
         self._next_index = 0
         self._has_size = False  # fixed by the first image
@@ -143,10 +143,11 @@ class Odometry:
         return self._path.report() or given_lens(self.camera)
 
     def final_poses(self) -> list[FinalPose]:
-        """Poses that have left the window since the last call, in the order of their frames.
+        """Poses that became final since the last call, in the order of their frames.
 
-        Poses outside the window do not change any further. In contrast,
-        `OdometryResult.world_from_cam` is the estimate made when the frame was processed.
+        A pose is final, and does not change any further, after its keyframe has left the window or
+        after about 150 frames. In contrast, `OdometryResult.world_from_cam` is the estimate made
+        when the frame was processed.
         """
         return self._stamped(self._path.final_poses())
 
@@ -257,8 +258,8 @@ class Odometry:
             split.
         cell_px : float, optional
             Width of square image cells, px. All tracks of a cell go to the same half, so that
-            errors that are correlated within a cell do not cancel in the difference. Default:
-            patches of 3 to 6 neighbouring tracks, whose windows overlap, take the place of cells.
+            errors that are correlated within a cell do not cancel in the difference. By default the
+            image is split into patches of 3 to 6 neighbouring tracks instead of cells.
         """
         tracks = result.tracks
         # Errors of lens and shutter, and errors common to all tracks, cancel in the difference.
@@ -338,7 +339,7 @@ class Odometry:
     def _without_perspective(
         self, tracks: Tracks, seconds: float, reference: _Reference
     ) -> tuple[Tracks, Searched | None]:
-        """The tracks corrected for perspective by the motion of a search, and this motion."""
+        """Tracks corrected for perspective by a motion from a two-view search, and the search."""
         options = self.options.pose
         if not options.refine:
             return tracks, None
@@ -367,7 +368,7 @@ class Odometry:
         )
 
     def _views(self, camera: Camera, tracks: Tracks, seconds: float) -> Views:
-        """The reference and the frame after it, through a camera."""
+        """Two views through a camera: the reference frame and the current frame."""
         points = tracks.points0, tracks.points1, tracks.covariance_px2
         views = self._views_of(camera, *points, seconds)
         return views._replace(angular_prior=self._angular_velocity.prior(seconds))

@@ -13,76 +13,88 @@ import numpy as np
 
 # --- Statistics
 
-# Limit of a squared distance of 2 degrees of freedom. Derived: 0.999 quantile of chi-square.
+# Limit of a squared Mahalanobis distance with 2 degrees of freedom. Derived: 0.999 quantile of
+# chi-square.
 CHI2_P999_OF_2 = 13.8
 
-# Limit of a squared distance of 5 degrees of freedom. Derived: 0.999 quantile of chi-square.
+# Limit of a squared Mahalanobis distance with 5 degrees of freedom. Derived: 0.999 quantile of
+# chi-square.
 CHI2_P999_OF_5 = 20.5
 
-# Limit of a squared distance of 3 degrees of freedom. Derived: 0.99 quantile of chi-square.
+# Limit of a squared Mahalanobis distance with 3 degrees of freedom. Derived: 0.99 quantile of
+# chi-square.
 CHI2_P99_OF_3 = 11.3
 
-# Log-likelihood ratio that decides between two first motions. Chosen.
+# Log likelihood by which a two-view motion may fall short of the path's first motion and still
+# replace it. Chosen.
 DECISIVE_LOG_RATIO = 2.0
 
-# Parallax, in sigma, from which on a point has an inverse distance. Chosen.
+# Inverse distance, in sigma, above which a new point counts in the median inverse distance of the
+# new points. Chosen.
 SIGNIFICANT_PARALLAX_SIGMA = 5.0
 
 # --- First solutions
 
-# Iterations of the first solutions, initialised from two views. Chosen.
+# Levenberg-Marquardt iterations of a solution before the first marginalisation. Chosen.
 FIRST_ITERATIONS = 6
 
-# Iterations of later solutions. Chosen: a new keyframe changes the others little.
+# Levenberg-Marquardt iterations of later solutions. Chosen: a new keyframe changes the others
+# little.
 LATER_ITERATIONS = 1
 
-# 1-sigma of a displacement before initialisation, in units of the first length. Chosen.
+# 1-sigma of a displacement while the scale is unknown, over the length of the segment's first
+# displacement. Chosen.
 UNKNOWN_LENGTH_SIGMA = 2.0
 
-# Share of the keyframe flow at which the first motion is tested. Chosen.
+# Flow since the first keyframe over `PathOptions.keyframe_flow_px`, above which the first motion is
+# tested (`first_motion.contradicting_motion`). Chosen.
 RELIABLE_FLOW_SHARE = 0.5
 
-# Flow of the next attempt over one from which no direction was observable. Convention.
+# Least flow since the keyframe for the next estimate of a direction, over the flow of the last
+# estimate without an observable direction. Convention.
 NEXT_ATTEMPT_FLOW_RATIO = 1.25
 
-# Number of frames kept until their keyframes leave the window. Chosen.
+# Largest number of frame poses that wait for their keyframe to leave the window. Chosen.
 MAX_PENDING_FRAMES = 150
 
 # --- Lens and shutter
 
 # Displacement of pixels, px, beyond which derivatives by the lens are computed again. Derived: the
-# linearisation error is its square over the focal length, about 0.01 px.
+# linearisation error is the square of the displacement over the focal length, about 0.01 px.
 STALE_LENS_PX = 2.0
 
-# 1-sigma of an unknown read-out time, over the time between frames, its upper limit. Chosen.
+# 1-sigma of an unknown read-out time over the time between frames. Chosen: a read-out takes at most
+# the time between frames.
 UNKNOWN_READOUT_SIGMA = 0.5
 
 # 1-sigma of a known read-out time, s. Chosen: small, for regular equations.
 EXACT_READOUT_SIGMA_S = 1e-9
 
-# Largest distance of a pixel from the centre, in widths and heights of the image: a whole image
-# beside the image (`LensEstimate.pixels_of`). Chosen.
+# Largest distance of a predicted pixel from the image centre, in image widths (u) or heights (v): 1
+# width or height outside the image (`LensEstimate.pixels_of`). Chosen.
 FARTHEST_PIXEL = 1.5
 
-# Columns and rows of pixels at which displacements by the lens are computed. Chosen.
+# Columns and rows of the pixel grid at which the displacements by a change of the lens are
+# computed. Chosen.
 LENS_GRID = (9, 7)
 
 # --- Perspective of windows
 
-# 1-sigma of the elements of a warp, without occlusion. Chosen.
+# 1-sigma of each element of the affine warp of a matched window, without occlusion. Chosen.
 WARP_SIGMA = 0.01
 
 # Prior 1-sigma of the slope of a surface: derivative of log distance by angle, 1 / rad. Chosen.
 SLOPE_SIGMA = 2.0
 
-# Least metric of the tangents at a pixel, rad^2 / px^2: keeps the plane regular. Chosen.
+# Added to the diagonal of ``J^T J``, rad^2 / px^2, with the derivatives J (3, 2) of a ray by the
+# pixel: keeps the matrix invertible. Chosen.
 MIN_TANGENT_METRIC = 1e-15
 
 # Corrections of a match beyond this length, px, are discarded. Chosen.
 MAX_CORRECTION_PX = 0.2
 
-# 1-sigma of a match, px, per unit of warp misfit to a plane. Measured on rendered streets through
-# four lenses; the command is not recorded.
+# 1-sigma of a match, px, over the misfit of its warp to a plane (`perspective._planes`). Measured
+# on rendered streets through four lenses; the command is not recorded.
 PX_PER_WARP_MISFIT = 1.2
 
 # Upper bound of the misfit of a warp. Chosen: the window has passed the correlation test.
@@ -90,8 +102,9 @@ MAX_WARP_MISFIT = 0.2
 
 # --- Pose of a frame
 
-# Factors on the residual variances, iteration by iteration, for convergence from 10 sigma; and
-# whether the lens is linearised anew before them. Chosen.
+# Two runs of Gauss-Newton steps: factors on the residual variances, one for each step, and whether
+# the lens is linearised anew before the run. The first factors are 100, for convergence from an
+# initial error of 10 sigma. Chosen.
 RESIDUAL_INFLATIONS = (
     (np.array([100.0, 100.0, 25.0, 9.0]), False),
     (np.array([4.0, 1.0, 1.0, 1.0]), True),
@@ -102,34 +115,40 @@ RESIDUAL_INFLATIONS = (
 # Reciprocal of the golden ratio: low-discrepancy sampling of tracks. Derived.
 GOLDEN_SHARE = (math.sqrt(5.0) - 1.0) / 2.0
 
-# Least share of the points of a keyframe that are still in view. Chosen.
+# Share of the points of a keyframe that are still in view, below which the keyframe is marginalised
+# first. Chosen.
 MIN_SHARE_IN_VIEW = 0.05
 
 # Number of the newest keyframes, which are never removed. Chosen.
 NEWEST_KEYFRAMES = 2
 
-# Added to the distances between keyframes, over the median distance of the points. Chosen.
+# Added to the distance between two keyframes, which is in units of the median distance of the
+# points: keeps 1 / distance finite (`selection.redundant_keyframe`). Chosen.
 SAME_PLACE = 0.02
 
-# Number of patches along the longer side of an image, for correlated residuals. Chosen.
+# Number of patches along the longer side of an image. Sums of residuals over patches give the
+# design effect. Chosen.
 PATCHES_PER_IMAGE = 4
 
 # Least inverse distance of a point, in the inverse unit of the path. Chosen.
 MIN_INVERSE_DEPTH = 1e-6
 
-# Prior 1-sigma of the inverse distance of a new point, over the median. Chosen.
+# Prior 1-sigma of the inverse distance of a new point, over the median inverse distance. Chosen.
 NEW_DEPTH_SIGMA = 2.0
 
-# Damping of the information of a point, over the median inverse distance^-2. Chosen.
+# Information added to every inverse distance before elimination, times the square of the median
+# inverse distance. Chosen.
 DEPTH_DAMPING = 1e-3
 
 # Largest relative 1-sigma of the inverse distance of a reliable point. Chosen.
 RELIABLE_DEPTH_SIGMA = 0.25
 
-# Largest 1-sigma of the inverse distance of a far point, over the median. Chosen.
+# Largest 1-sigma of the inverse distance of a reliable far point, over the median inverse distance.
+# Chosen.
 FAR_DEPTH_SIGMA = 0.1
 
-# Largest ratio of inverse distances after and before a step. Chosen.
+# Largest ratio of an inverse distance after a step to the inverse distance before the step, or to
+# the median inverse distance if this is larger. Chosen.
 MAX_DEPTH_STEP_RATIO = 10.0
 
 # --- Window
@@ -140,13 +159,13 @@ SCALE_GAUGE_SIGMA = 1e-4
 # 1-sigma of the first pose, the gauge of poses, in rad and in the unit of the path. Chosen.
 POSE_GAUGE_SIGMA = 1e-6
 
-# Damping of the first try of a step. Chosen.
+# Relative Levenberg-Marquardt damping of the first step of a solution. Chosen.
 FIRST_DAMPING = 1e-6
 
-# Factor on the damping from try to try. Chosen.
+# Factor on the damping after a step that increases the cost. Chosen.
 DAMPING_FACTOR = 100.0
 
-# Upper bound of the tries of a step. Chosen.
+# Largest number of tries of a step, with increasing damping. Chosen.
 MAX_TRIES = 3
 
 # Bounds of the factor on the variances of residuals. Chosen.
@@ -161,12 +180,13 @@ DESIGN_EFFECT_BOUNDS = (1.0, 50.0)
 # Initial design effect. Measured: recordings have 1 to 4; the command is not recorded.
 FIRST_DESIGN_EFFECT = 1.5
 
-# Spurious information from linearising at noisy estimates: ratio of squared errors to variances of
-# lens, shutter and path, for tracks with independent errors. Measured:
-# `farpoint bench --tables lens`.
+# Factor on the design effect for spurious information from linearising at noisy estimates: ratio of
+# squared errors to variances of lens, shutter and path, for tracks with independent errors.
+# Measured: `farpoint bench --tables lens`.
 LINEARISATION_EFFECT = 2.0
 
-# Weight of the value so far in exponential smoothing from keyframe to keyframe. Chosen.
+# Weight of the previous value in the exponential smoothing of variance factor and design effect,
+# from solution to solution. Chosen.
 SMOOTHING = 0.8
 
 # --- Kernels
@@ -175,14 +195,16 @@ SMOOTHING = 0.8
 # overflow. Derived: a standard deviation of 1e12 rad or units.
 LEAST_INFORMATION = 1e-24
 
-# Relative ridge on the information of a window, for poses that no point constrains. Chosen.
+# Relative ridge on the information of a frame's pose, for components that no point constrains.
+# Chosen.
 WINDOW_RIDGE = 1e-9
 
-# Residual, px, of a point that is not in front of the camera. Convention: a mark.
+# Value in place of the residual, px, of a point that is not in front of the camera. Convention.
 UNSEEN_PX = 1e9
 
 # Cost, in log likelihood, of a point behind the camera. Chosen: as a residual of many sigma.
 UNSEEN_COST = 50.0
 
-# Least cosine between a point and its prediction. Chosen.
+# Least cosine of the angle between the ray to a point and the ray at which the lens is linearised.
+# Below, the point counts as not in front of the camera. Chosen.
 MIN_FACING_COSINE = 0.2

@@ -83,7 +83,7 @@ def _optimised(first: WindowView, now: WindowView, window: Window, most: int) ->
 def _is_consistent(views: Window, now: WindowView) -> bool:
     """Whether the motion of a two-view window is consistent with the path (chi-square test).
 
-    The length of the motion is fixed.
+    Rotation and direction are compared. The length of the motion is not compared.
     """
     motion, covariance = views.relative_pose(0, 1)
     first, length = views.frames[0], float(np.linalg.norm(motion[:3, 3]))

@@ -108,7 +108,7 @@ class Landmarks:
         last: np.ndarray,
         accumulated: np.ndarray,
     ) -> None:
-        """Add the observations of the newest keyframe. A track without a point starts a point."""
+        """Add the observations of the newest keyframe. A track without a landmark starts one."""
         rows = self.rows_of(ids)
         fresh = np.flatnonzero(rows < 0)
         rays, by_lens, seen = self.rays_at(pixels[fresh])
@@ -147,7 +147,7 @@ class Landmarks:
         self.point = row_of[self.point]
 
     def rays_at(self, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Rays of pixels (N, 2), derivatives by the lens, and whether rays and these are finite."""
+        """Rays of pixels (N, 2), derivatives by the lens, and whether all of them are finite."""
         rays, by_lens = self._lens.rays_of(pixels)
         seen = np.isfinite(rays).all(axis=1) & np.isfinite(by_lens).all(axis=(1, 2))
         return rays, by_lens, np.asarray(seen)

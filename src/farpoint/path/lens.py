@@ -65,8 +65,10 @@ def given_lens(camera: Camera) -> LensReport:
 
 
 def with_prior(camera: Camera, options: LensRefinementOptions) -> Camera:
-    """The camera with the sigmas of its calibration, or with the sigmas of the options if the
-    calibration has none; without uncertainty if the lens is not refined.
+    """The camera with the prior sigmas of the lens parameters.
+
+    The sigmas are those of the calibration, or those of the options if the calibration has none. If
+    the lens is not refined, the camera has no sigmas.
     """
     if not options.refine:
         return camera.with_uncertainty()
@@ -145,7 +147,8 @@ class LensEstimate:
     def step(self, change: np.ndarray) -> None:
         """Add a change (r + 1,) to ``z`` and the read-out time.
 
-        The change of the lens is limited to 10 px, because the lens model is linearised.
+        The change of ``z`` is scaled down so that no pixel moves by more than 10 px, because the
+        lens model is linearised.
         """
         lens = change[:-1]
         share = min(1.0, 5.0 * STALE_LENS_PX / max(self.moved_px(lens), 1e-12))
@@ -196,7 +199,7 @@ class LensEstimate:
         return pixels, by_ray, self._by_lens(by_parameters)
 
     def _by_lens(self, by_parameters: np.ndarray) -> np.ndarray:
-        """Derivatives (N, 2, r) by ``z`` of pixels, from those by the parameters (N, 2, P)."""
+        """Derivatives (N, 2, r) of pixels by ``z``, from derivatives (N, 2, P) by parameters."""
         found = np.empty((len(by_parameters), 2, self.size))
         by_sigmas(np.ascontiguousarray(by_parameters), self.factor, found)
         return found

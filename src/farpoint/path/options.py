@@ -60,7 +60,8 @@ class LensRefinementOptions:
         1-sigma of the displacement by distortion at the image corner, px.
     readout_ms : float or None
         Read-out time of a frame, first row to last, ms; 0 for a global shutter. None takes the
-        read-out time of the calibration; without a calibrated read-out time, it is estimated.
+        read-out time of the calibration. If the calibration has none, the read-out time is
+        estimated, or taken as 0 if ``refine`` is False.
     """
 
     refine: bool = True

@@ -121,17 +121,18 @@ class PathBuilder:
     def _reset_window(self) -> None:
         self._window: Window | None = None
         self._key_tracks: TrackObservations | None = None
-        # The keyframe that the unit begins at, and its tracks, until its mode is tested.
+        # Keyframe at the start of the first motion, and its tracks; None after `_restart`.
         self._first: tuple[Keyframe, TrackObservations] | None = None
-        self._unobservable_flow = 0.0  # since the keyframe, at which no direction was observable
+        # Flow since the keyframe, px, of the last estimate without an observable direction.
+        self._unobservable_flow = 0.0
         self._new_keyframe: Keyframe | None = None
         self._is_key, self._has_scale = False, False
         self._twist = self._twist_before = np.zeros(6)
         self._pending_twist: tuple[Keyframe, np.ndarray] | None = None
         # Derivatives (6, D) of the current pose by the window's last solution, if there is one.
         self._by_state: np.ndarray | None = None
-        self._own = np.zeros((6, 6))  # its covariance with that solution fixed
-        self._step = np.zeros((6, 6))  # of the last resection
+        self._own = np.zeros((6, 6))  # covariance of the current pose if this solution is fixed
+        self._step = np.zeros((6, 6))  # covariance of the last resection
 
     @property
     def now(self) -> PathPoint:
@@ -180,7 +181,7 @@ class PathBuilder:
         return self._window.relative_pose(slots[frame0], slots[frame1])
 
     def add(self, camera: Camera, tracks: Tracks, motion: RelativePose, pair: Pair) -> PathPoint:
-        """Add a motion from the last frame to the next. The status must not be FAILED.
+        """Add a motion from the last frame to the next, with a status other than FAILED.
 
         Parameters
         ----------
@@ -226,7 +227,8 @@ class PathBuilder:
     def _initialise(self, window: Window, step: _Step) -> PathPoint:
         """Add a frame of a path whose scale is unknown.
 
-        As soon as the motion since the last keyframe is observable, its length sets the scale.
+        As soon as the direction of the motion since the last keyframe is observable, the length of
+        this motion is set to `_unit`, which defines the scale.
         """
         motion, pair, now = step.motion, step.pair, step.now
         assert motion.rotation_cam1_from_cam0 is not None
@@ -268,7 +270,8 @@ class PathBuilder:
     def _since_keyframe(self, step: _Step, seconds: float) -> RelativePose | None:
         """Two-view motion since the last keyframe.
 
-        None if an earlier estimate found no motion, and the flow has hardly grown since then.
+        None if the motion from the last frame has no observable direction, and the flow since the
+        keyframe is less than 1.25 times the flow of the last estimate without a direction.
         """
         before, now = self._key_tracks, step.inliers
         assert before is not None
@@ -282,7 +285,7 @@ class PathBuilder:
         return self._since(before, now, seconds)
 
     def _unit(self, seconds: float) -> float:
-        """Length of a segment's first displacement: last speed times ``seconds``, or 1."""
+        """Length of a segment's first displacement: last speed times ``seconds``; 1 if unknown."""
         return 1.0 if self._speed is None or seconds <= 0.0 else self._speed * seconds
 
     def _since(
@@ -402,16 +405,18 @@ class PathBuilder:
     def _rest(
         self, window: Window, now: TrackObservations, motion: RelativePose, located: Located
     ) -> Rest | None:
-        """Evidence that the camera is at rest, if landmarks contradict the translation of the
-        two-view estimate.
+        """Evidence that the camera is at rest; None without such evidence.
 
-        In this case most NEAR matches are on moving objects: the tracks of these matches have no
-        landmark, or do not agree with their landmark.
+        NEAR matches on moving objects can give a camera at rest a two-view translation. Evidence
+        for rest is then: the displacement of the located pose is not significant, at least half of
+        the landmarks agree with this pose, and at least half of the NEAR matches have no landmark
+        that agrees.
         """
         if motion.status is not PoseStatus.OK:
             return None
         displacement = located.p - self._p
-        # Covariance of two frames for independent errors: conservative in favour of motion.
+        # Covariance of the motion between two located frames, without the design effect. A smaller
+        # covariance gives fewer reports of a camera at rest.
         spread = 2.0 / window.design_effect * located.covariance
         if (
             displacement @ np.linalg.pinv(spread[3:, 3:], hermitian=True) @ displacement
@@ -463,7 +468,7 @@ class PathBuilder:
         self._unobservable_flow = 0.0
 
     def _complete_keyframe(self, window: Window, before: TrackObservations) -> None:
-        """Add the tracks that begin in the last keyframe, which only the next match shows."""
+        """Add the tracks that begin in the last keyframe: they are known after the next match."""
         if not self._is_key:
             return
         self._is_key = False
@@ -483,7 +488,8 @@ class PathBuilder:
         newest = window.frames[-1]
         before = {id(frame): frame.twist for frame in window.frames}
         window.solve(LATER_ITERATIONS if window.has_marginalised else FIRST_ITERATIONS)
-        # The solution changes velocities: those of the last frames, too.
+        # The solution changes the newest keyframe's velocity. The same change is added to the
+        # velocities of the last frames.
         change = newest.twist - before[id(newest)]
         self._twist, self._twist_before = self._twist + change, self._twist_before + change
         if self._pending_twist is not None:
@@ -506,7 +512,8 @@ class PathBuilder:
             previous, (before2, before, after) = self._pending_twist
             previous.twist, self._pending_twist = _between(before2, before, after, twist), None
         if keyframe is not None:
-            # Mean of the velocities before and after it; the first keyframe has only the latter.
+            # Mean of the velocities before and after the keyframe; at the first keyframe the
+            # velocity after it.
             is_first, last = not keyframe.twist.any(), self._twist
             keyframe.twist = twist if is_first else 0.5 * (last + twist)
             if self._twist_before.any():
@@ -582,8 +589,9 @@ def _between(
 ) -> np.ndarray:
     """Velocity at a time, from the mean velocities over two intervals before and two after it.
 
-    The result is exact if the velocity is a polynomial of third degree. The mean of the inner two
-    intervals alone would underestimate an oscillating velocity. The estimated read-out time would
-    then be too large, because the product of velocity and read-out time explains the image shear.
+    For intervals of equal length, the result is exact if the velocity is a polynomial of third
+    degree. The mean of the inner two intervals alone would underestimate an oscillating velocity.
+    The estimated read-out time would then be too large, because the product of velocity and
+    read-out time explains the image shear.
     """
     return (7.0 * (before + after) - (before2 + after2)) / 12.0

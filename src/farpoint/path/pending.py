@@ -69,7 +69,11 @@ class Correction:
 
 
 class PendingPoses:
-    """Queue of frame poses. Each pose is returned once, when it is final."""
+    """Queue of frame poses. Each pose is returned once, when it is final.
+
+    A pose is final when its keyframe leaves the window, or when it is the oldest of more than 150
+    poses.
+    """
 
     def __init__(self) -> None:
         self._poses: deque[_Pending] = deque()

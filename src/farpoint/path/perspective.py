@@ -40,7 +40,8 @@ def without_perspective(
 
     The slope of a plane changes the warp of its window only along the flow. A component of the
     warp across the flow therefore indicates that the window contains two motions, at a depth edge.
-    The covariance of the match is increased with this component.
+    The variance of the match is increased by ``(1.2 px * misfit)^2``, where the misfit is the norm
+    of this component.
 
     Parameters
     ----------
@@ -103,15 +104,16 @@ def _quadratic_coefficients(
 def _planes(tracks: Tracks, camera: Camera, motion: _Motion) -> tuple[np.ndarray, np.ndarray]:
     """Plane vectors n (N, 3) of the windows, and misfits (N,) of the warps.
 
-    A plane has the inverse distance ``n . ray``. The warp of a window is the derivative of
-    ``project(R ray + direction (n . ray))`` by the pixel. The warp is linear in the slope of n,
-    which has a normal prior. The slope changes the warp only along the flow. The misfit is the
-    component of the warp across the flow.
+    The inverse distance of a plane along a unit ray is ``n . ray``. The warp of a window is the
+    derivative of ``project(R ray + direction (n . ray))`` by the pixel. The warp is linear in the
+    component of n across the ray, the slope, which has a normal prior. The slope changes the warp
+    only along the flow. The misfit is the norm of the component across the flow of the matched warp
+    minus the warp without slope.
     """
     assert tracks.windows is not None
     R, direction = motion
     rays0, rays1 = camera.unproject(tracks.points0), camera.unproject(tracks.points1)
-    # Depths in camera 0: the inverse motion.
+    # Inverse distances in camera 0, from the inverse motion.
     nearness = np.maximum(inverse_depths(rays1, rays0, R.T, -R.T @ direction), 0.0)
     tangents = camera.unproject_jacobian(rays0)
     ahead = camera.model.project_jacobian(motion.updated(rays0, nearness))

@@ -66,7 +66,10 @@ class PathPoint:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FinalPose:
-    """Pose of a frame that has left the window and does not change any further.
+    """Pose of a frame that does not change any further.
+
+    The keyframe to which the pose was attached has left the window, or the pose was the oldest of
+    more than 150 poses that waited for this.
 
     Attributes
     ----------

@@ -78,7 +78,7 @@ def locate_frame(
     Returns
     -------
     Located or None
-        None if fewer than 8 landmarks are in view.
+        None if fewer than 8 reliable landmarks are in view.
     """
     marks = window.landmarks
     rows = marks.rows_of(observed.ids)
@@ -94,8 +94,8 @@ def locate_frame(
 class _Points:
     """Landmarks in a frame, one row for each; see `farpoint.path.kernels.resection.locate`.
 
-    ``rows`` are rows of the window's landmarks. ``since`` is the last observation of each landmark
-    by a keyframe.
+    ``rows`` are rows of the window's landmarks. ``since`` is the index of the last observation of
+    each landmark by a keyframe.
     """
 
     ids: np.ndarray
@@ -202,7 +202,7 @@ class _Points:
         by_point /= np.maximum(np.linalg.norm(away, axis=1), 1e-300)[:, None, None]
         by_turn = cross(by_point, away[:, None])
         by_pose = np.concatenate([by_turn, -s[:, :, None] * by_point], axis=2)
-        # As in the window, where a turn moves the position, too.
+        # In the window p' = Exp(theta) p + rho: a rotation also moves the position.
         by_observer = by_pose.copy()
         by_observer[:, :, :3] -= by_pose[:, :, 3:] @ so3.skew(p)
         before, columns = marks.by_pose[self.since], np.zeros((len(s), 2, len(window.covariance)))
@@ -224,7 +224,7 @@ class _Points:
         """Inverse covariances (N, 2, 2) of the residuals, times robust weights."""
         uu, uv, vv = self.covariances.T
         u, v = by_s.T
-        # Of C + s_variance b b^T, without the cancellation of its own entries.
+        # Determinant of C + s_variance b b^T with b = by_s, in a form without cancellation.
         determinant = uu * vv - uv * uv
         determinant += self.s_variance * (uu * v * v - 2.0 * uv * u * v + vv * u * u)
         used = np.isfinite(squares)

@@ -44,7 +44,8 @@ class WindowNoise(NamedTuple):
         Weight of the covariance of the last match, and weight of the sum of the covariances since
         the earlier keyframe.
     floor_px2 : float
-        Variance added to both coordinates, px^2, because identical frames match without error.
+        Variance added to both coordinates, px^2. Matches between identical images would otherwise
+        have almost no variance.
     """
 
     last: float = 0.5

@@ -83,7 +83,8 @@ class Window:
         self._unit: tuple[int, int] | None = None
         self._unit_variance = self._scale_variance = 0.0
         self._by_scale = np.zeros(len(lens.covariance))
-        self._rests: dict[int, float] = {}  # by slot, until a keyframe is marginalised
+        # 1-sigma of `add_rest_prior` by slot, until a keyframe is marginalised.
+        self._rests: dict[int, float] = {}
         self._has_marginalised = False
         self._begin(lens)
 
@@ -231,7 +232,7 @@ class Window:
         if not new.any():
             return
         seen, rows = seen[new], rows[new]
-        far, base = self.homogeneous_points(rows)  # rays: inverse distance zero
+        far, base = self.homogeneous_points(rows)  # rays, since the inverse distances are zero
         delay_s = self._row_delay_s(seen)[:, None]
         rays = (far - delay_s * cross(np.broadcast_to(frame.twist[:3], far.shape), far)) @ frame.R
         rays /= np.linalg.norm(rays, axis=1, keepdims=True)
@@ -323,8 +324,8 @@ class Window:
     def _correct_velocities(self, start: Poses) -> None:
         """Change the velocity of each keyframe as the solution changes the poses around it.
 
-        A velocity comes from the frames next to its keyframe, whose poses were those before the
-        solution. ``start`` holds the poses before the solution.
+        The velocity of a keyframe was computed from the poses of neighbouring frames before the
+        solution. ``start`` holds the keyframe poses before the solution.
         """
         poses = Poses.of(self.frames)
         turns = rotation_vectors(poses.R @ start.R.transpose(0, 2, 1))
@@ -373,7 +374,7 @@ class Window:
         by_unit = np.array([0.0, 0.0, 0.0, *(p - self.origin), 1.0])
         unit = self._unit_variance if self._unit is None else self._variance_of_unit()
         covariance = rows @ self.covariance @ rows.T + unit * np.outer(by_unit, by_unit)
-        if self._is_at_unit():  # it has no error by definition
+        if self._is_at_unit():  # the unit baseline has no error by definition
             covariance[6], covariance[:, 6] = 0.0, 0.0
         elif not self._by_scale.any():
             covariance[6, 6] += self._scale_variance

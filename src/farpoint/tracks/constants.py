@@ -16,8 +16,8 @@ MAX_WINDOW_PX = 255
 # Step of differences of a predicted motion, px: half a window. Chosen.
 WARP_STEP_PX = 4.0
 
-# Deviation of a predicted warp from identity beyond which it is not used. Chosen: larger ones occur
-# at a seam or the border of the field.
+# Largest deviation of an element of a predicted warp from the identity. Beyond, the identity is
+# used. Chosen: larger ones occur at the seam of a panorama or the border of the lens' field.
 MAX_PREDICTED_WARP = 0.5
 
 # 1-sigma error of 8-bit quantisation and bilinear interpolation, px. Measured on noise-free images
@@ -42,8 +42,8 @@ MIN_FOUND_SHARE = 0.5
 # Quantile of the displacements of probes, which the start level must reach. Chosen.
 PROBE_QUANTILE = 0.9
 
-# Reach of the start level over that quantile. Chosen: Lucas-Kanade converges reliably only within
-# a part of its window.
+# Half width of the window at the start level, in px of the finest level, over that quantile, at
+# least. Chosen: Lucas-Kanade converges reliably only within a part of the window.
 REACH_MARGIN = 4.0
 
 # --- Defective pixels
@@ -51,21 +51,22 @@ REACH_MARGIN = 4.0
 # Distance, px, to which demosaicing and compression spread a defect. Chosen.
 DEFECT_REACH_PX = 1
 
-# Distance, px, of the ring of pixels for comparison and interpolation. Derived: the next one.
+# Distance, px, of the ring of pixels for comparison and interpolation. Derived: the nearest pixels
+# that a defect does not change.
 DEFECT_RING_PX = DEFECT_REACH_PX + 1
 
-# Least contrast of a defect, grey levels beyond all of the ring. Chosen: less hardly biases a
-# match.
+# Least difference, grey levels, between a defect and every pixel of the ring. Chosen: a smaller
+# difference hardly biases a match.
 MIN_DEFECT_CONTRAST = 6
 
 # Number of first images, all of which are tested. Chosen.
 FIRST_IMAGES = 20
 
-# Of later images every one of this number is tested. Chosen: sensors age slowly.
+# Of later images, one in this number is tested. Chosen: sensors age slowly.
 LATER_EVERY = 4
 
-# Motion of the image, px, after which extreme pixels of the scene occur independently of the last
-# test. Chosen.
+# Image motion, px, after which a suspect is tested again: scene content that stands out is then at
+# other pixels than in the last test. Chosen.
 MIN_MOTION_PX = 1.0
 
 # Distance along either axis, px, within which a track may lock onto a suspect. Chosen.
@@ -88,25 +89,28 @@ MAX_MISSES = 6
 # Pyramid level whose grey values are compared. Chosen.
 BRIGHTNESS_LEVEL = 1
 
-# Number of tracks in neighbouring rows, whose median predicts the change of a track. Chosen.
+# Number of successive tracks in the order of rows: the median of all but the middle track predicts
+# the brightness change of the middle track. Chosen.
 ROW_NEIGHBOURS = 9
 
 # Least number of tracks for the brightness of rows. Chosen.
 MIN_ROW_TRACKS = 4 * ROW_NEIGHBOURS
 
-# Least median deviation of log ratios. Chosen: the gain of a window absorbs less.
+# Least median absolute deviation of the log ratios of brightness for an estimate of row gains.
+# Chosen: the gain of a matched window absorbs smaller changes.
 MIN_ROW_DEVIATION = 0.02
 
-# Largest residual deviation over the total deviation. Chosen.
+# Largest median error of the prediction from neighbouring rows, over the median absolute deviation
+# of the log ratios. Chosen.
 MAX_UNEXPLAINED = 0.6
 
-# Threshold of inliers, in median residuals. Chosen.
+# Largest prediction error of an inlier, over the median error. Chosen.
 ROW_INLIER_RATIO = 4.0
 
 # Grey levels below which ratios are unreliable. Chosen.
 DARK_GREY = 8.0
 
-# Knots of the curve over the rows. Chosen.
+# Number of knots of the curve of log gain over the rows. Chosen.
 ROW_KNOTS = 80
 
 # Weights of the squared second differences of that curve that are tried. Chosen.
@@ -132,17 +136,18 @@ WINDOW_SLACK_PX = np.int64(1)
 # Pixels of a line of a warped window that are read at once. Chosen.
 PIXELS_AT_ONCE = 16
 
-# Upper bound of the stretch of a warped window. Chosen.
+# Largest half width or half height of a warped window, over that of the window. Chosen.
 MAX_WINDOW_STRETCH = 2.0
 
-# Variance of the noise of Scharr's gradients over that of the residual, for white noise s^2
-# interpolated between pixels. Derived: 0.23 s^2 shrunk to 0.13 s^2, over 0.88 s^2 of both images.
+# Noise variance of Scharr gradients over the noise variance of the residual, for white noise of
+# variance s^2. Derived: bilinear interpolation reduces the variance of the gradient from 0.23 s^2
+# to 0.13 s^2, and the difference of two interpolated images has the variance 0.88 s^2.
 GRADIENT_NOISE_RATIO = 0.15
 
 # Distance, px, from which on residuals of a window count as independent (see
-# `window_covariance.covary`); `_block_moments` writes the sums out. Chosen.
+# `window_covariance.covary`); `_block_moments` is written for the value 3. Chosen.
 RESIDUAL_BLOCK_PX = 3
 
-# Lower bound of the median response along any direction. Chosen: the least in eight recordings is
-# 0.43, in turns of a Kinect.
+# Lower bound of the singular values of the median response (`refinement._with_response`). Chosen:
+# the least in eight recordings is 0.43, in turns of a Kinect.
 MIN_RESPONSE = 0.25

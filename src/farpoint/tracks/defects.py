@@ -34,13 +34,14 @@ class _Suspects:
 
     Attributes
     ----------
-    places : ndarray of int64, shape (N,)
+    indices : ndarray of int64, shape (N,)
         Flat index of the pixel: row times width plus column.
     scores : ndarray of float64, shape (N,)
         Log likelihood ratio between a defective pixel and scene content.
-    travels : ndarray of float64, shape (N, 2)
+    displacements : ndarray of float64, shape (N, 2)
         Image motion at the pixel since the last test of the pixel, px.
     defective : ndarray of bool, shape (N,)
+        Whether the pixel is classified as defective.
     """
 
     indices: np.ndarray
@@ -88,7 +89,10 @@ class DefectivePixels:
         return self._suspects.indices[self._suspects.defective]
 
     def learn(self, image: np.ndarray, tracks: Tracks) -> None:
-        """Test the suspects in an unrepaired image, uint8 (H, W), given the tracks into it."""
+        """Test the suspects in an unrepaired image, uint8 (H, W).
+
+        ``tracks`` are the matches from the reference image to this image.
+        """
         if image.shape != self._shape:
             self._suspects, self._shape = _no_suspects(), (image.shape[0], image.shape[1])
             self._near_suspects = np.empty(image.shape, bool)
@@ -110,8 +114,11 @@ class DefectivePixels:
         self._suspects = _merged(known, new, math.log(DETECTION_RATE / rate))
 
     def _scored(self, known: _Suspects, seen: np.ndarray, rate: float, tracks: Tracks) -> _Suspects:
-        """The suspects, scored by this image where the image motion since the last test is 1 px
-        or more.
+        """The suspects with updated scores.
+
+        A suspect is tested if the image motion since its last test is 1 px or more. ``seen`` marks
+        the suspects that stand out, and ``rate`` is the share of pixels of the image that stand
+        out.
         """
         displacements = known.displacements + self._motion_at(known.indices, tracks)
         tested = np.hypot(*displacements.T) >= MIN_MOTION_PX

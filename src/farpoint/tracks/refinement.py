@@ -42,8 +42,10 @@ def refine(
     gradients and of the priors. M is the second moment of gradient times residual. The products are
     summed over blocks of pixels first, because residuals of neighbouring pixels are correlated. The
     variances of the priors and of the interpolation are added. If the second image is blurred more
-    or less than the first, its gradients differ from those in H: the response of the matches to a
-    displacement is measured, and its inverse multiplies the covariance from both sides.
+    or less than the first, the gradients of the second image differ from those in H. The response R
+    (2, 2), the derivative of the estimated displacement by the true displacement, then differs from
+    the identity. R is computed from both windows of each match. With the median R of the matches,
+    ``inv(R) C inv(R).T`` replaces the covariance C.
 
     Parameters
     ----------
@@ -104,10 +106,11 @@ def _precision(options: RefinementOptions) -> np.ndarray:
 def _with_response(covariance_px2: np.ndarray, responses: np.ndarray) -> np.ndarray:
     """Covariances (N, 2, 2) of matches, given the responses (M, 2, 2) of the usable matches.
 
-    A match whose response to a displacement is R has the covariance ``inv(R) C inv(R).T``, where C
-    assumes that both images have the same gradients. If the blur changes between the images, the
-    gradients along the blur change. This change is common to all windows, in contrast to the noise
-    of a single response. The median response is therefore used for all matches.
+    The response R is the derivative of the estimated displacement by the true displacement. A match
+    has the covariance ``inv(R) C inv(R).T``, where C assumes that both images have the same
+    gradients. If the blur changes between the images, the gradients along the blur change. This
+    change is common to all windows, in contrast to the noise of a single response. The median
+    response is therefore used for all matches.
     """
     if len(responses) == 0 or not np.isfinite(responses).all():
         return covariance_px2

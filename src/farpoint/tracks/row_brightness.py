@@ -77,7 +77,8 @@ def _means(pyramid: Pyramid, points: np.ndarray) -> np.ndarray:
     level = min(BRIGHTNESS_LEVEL, len(pyramid.layout) - 1)
     origin, stride, width, height = pyramid.layout[level].tolist()
     at = points / 2**level
-    corner = np.floor(at).astype(np.int64).clip(0, [width - 1, height - 1])  # a border follows
+    # Beyond the last pixel the border of the level is read.
+    corner = np.floor(at).astype(np.int64).clip(0, [width - 1, height - 1])
     across, down = (at - corner).clip(0.0, 1.0).T
     first = origin + corner[:, 1] * stride + corner[:, 0]
     values = pyramid.values

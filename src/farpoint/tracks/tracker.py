@@ -106,7 +106,8 @@ class Tracker:
         predict : callable, optional
             Maps pixels (N, 2) of the reference to expected pixels (N, 2) in the image; NaN if
             unknown. The function is also called with neighbouring pixels, to find the expected
-            warps. If the prediction is wrong, tracks are matched once more without a prediction.
+            warps. If fewer than half of the tracks are found, they are matched once more without a
+            prediction, and the result with more tracks is returned.
 
         Returns
         -------
@@ -172,10 +173,10 @@ class Tracker:
         return len(self._new_corners(image, np.empty((0, 2)), wanted)) == wanted
 
     def advance(self, image: np.ndarray, tracks: Tracks) -> None:
-        """Make ``image`` the reference with the given tracks, and replace missing tracks by new
-        tracks.
+        """Make ``image`` the reference with the given tracks.
 
-        If several tracks have converged to one point, only the oldest track is kept.
+        New tracks are added up to `TrackerOptions.max_tracks`. If several tracks have converged to
+        one point, only the oldest track is kept.
 
         Parameters
         ----------
@@ -217,7 +218,8 @@ class Tracker:
         pyramid, gains = matched
         if gains is None:
             return pyramid
-        # Averaging removes moving bands, and errors of the gains do not accumulate.
+        # The row brightness of the reference becomes the geometric mean over the images so far.
+        # Moving bands then average out, and errors of the gains do not accumulate.
         self._images_averaged = min(self._images_averaged + 1, MAX_AVERAGED_IMAGES)
         gains = gains ** (1.0 - 1.0 / self._images_averaged)
         return build_pyramid(remove_row_gains(image, gains), self.options.matching)

@@ -37,12 +37,12 @@ __all__ = [
 
 QuaternionOrder = Literal["xyzw", "wxyz"]
 
-_HEADER_LINES = 20  # in which the names of the columns stand, if anywhere
+_HEADER_LINES = 20  # number of first lines that may contain the names of the columns
 _UNIT_TOLERANCE = 1e-2  # files round rotations to as few as four digits
-_MAX_POSITION = 1e12  # in the unit of the file; sums of squares of larger ones lose their meaning
-_NANOSECOND_DIGITS = 15  # times of this many digits are nanoseconds whatever separates the columns
+_MAX_POSITION = 1e12  # in the unit of the file; the rounding error of its square is about 1e8
+_NANOSECOND_DIGITS = 15  # a whole number of 15 digits or more in column 1 is a time in nanoseconds
 _LARGEST_BYTES = 1 << 30
-_MOST_POSES = 4_000_000  # held at once: a gigabyte; 5 hours at 200 a second
+_MOST_POSES = 4_000_000  # in memory at once: a gigabyte; 5 hours at 200 poses a second
 _BLOCK = 4096
 _BOTTOM_ROW = (0.0, 0.0, 0.0, 1.0)
 _SEPARATOR = re.compile(r"\s*[,;]\s*|\s+")
@@ -135,7 +135,7 @@ def _euroc(path: Path, order: QuaternionOrder) -> Iterator[tuple[float, np.ndarr
     def parse(text: str) -> tuple[float, np.ndarray]:
         cells = _cells(text)[:8]
         row = _numbers(cells, 8, "t[ns],px,py,pz,qw,qx,qy,qz")
-        # Nanoseconds since 1970 do not fit a float; their seconds nearly do.
+        # A float rounds nanoseconds since 1970, by less than 1 us.
         seconds = _nanoseconds(cells[0]) / 1e9
         return seconds, _pose(_rotation(_xyzw(row[4:8], order)), row[1:4])
 
@@ -256,8 +256,9 @@ def _stacked(rows: Iterator[tuple[float, np.ndarray]], path: str | Path) -> Traj
 
 
 def _stack(poses: Iterator[np.ndarray], path: str | Path) -> np.ndarray:
-    """Poses (N, 4, 4), stacked block by block, because one array per pose would take twice the
-    memory.
+    """Poses (N, 4, 4), stacked block by block.
+
+    A list of single arrays would take twice the memory.
     """
     blocks, count = [], 0
     while block := list(itertools.islice(poses, _BLOCK)):
@@ -308,7 +309,8 @@ def _is_number(cell: str) -> bool:
 def _has_nanoseconds(text: str, cells: list[str]) -> bool:
     """Whether a row is in EuRoC's format, with a whole number of nanoseconds in its first cell.
 
-    This number must have many digits, or the cells must be separated by commas or semicolons.
+    This is the case if the number has 15 digits or more. A shorter number is nanoseconds if commas
+    or semicolons separate the cells, and if there are not 12 or 16 cells as in KITTI files.
     """
     if not cells[0].isdecimal():
         return False

@@ -65,7 +65,7 @@ def solve(L, unit, g, x):
 def invert(L, unit, columns, out):
     """Inverse of H (D, D) from the factor of H; ``columns`` (D, D) is a buffer."""
     n = len(L)
-    # Columns of the inverse factor, each in a row.
+    # Row j of the buffer receives column j of the inverse factor.
     for j in range(n):
         columns[j, j] = 1.0 / L[j, j]
         for i in range(j + 1, n):

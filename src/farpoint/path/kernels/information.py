@@ -21,7 +21,8 @@ __all__ = ["gather_information", "point_steps", "robust_cost"]
 def _whitened(noise, last, travelled, before, u, v):
     """Inverse covariance (uu, uv, vv) of the change of a residual, and squared norm of the change.
 
-    The change is counted from the observation ``before``.
+    ``travelled`` and ``before`` are the summed covariances of the track at the two observations,
+    and ``(u, v)`` is the change.
     """
     uu = noise[3] * (noise[0] * last[0] + noise[1] * abs(travelled[0] - before[0]) + noise[2])
     uv = noise[3] * (noise[0] * last[1] + noise[1] * (travelled[1] - before[1]))

@@ -58,6 +58,8 @@ def linearise(template: Template, expected: np.ndarray) -> None:
     """Predict the gradients of the second image, and set the contrast.
 
     The predicted gradients are ``inv(I + M).T`` times the Scharr gradients of the first image.
+    ``expected`` (8,) are the prior means of the parameters of `affine_match`, with the warp
+    ``I + M``.
     """
     window, contrast = template.window, template.contrast
     grey, gx, gy, inside = window.grey, window.gx, window.gy, window.inside
@@ -138,7 +140,7 @@ def jacobian_products(template: Template, values: np.ndarray) -> Nine:
 
 @sum_kernel
 def _warp_products(template: Template) -> Nine:
-    """Sums of products of the derivatives by M: xu xu, xu xv, xv xv, xu yu, ... yv yv."""
+    """Sums of products of the derivatives by the warp: xu xu, xu xv, xv xv, xu yu, ... yv yv."""
     gx, gy, us, vs = template.window.gx, template.window.gy, template.u, template.v
     zero = np.float32(0.0)
     a, b, c, d, e, f, g, h, k = zero, zero, zero, zero, zero, zero, zero, zero, zero
@@ -150,7 +152,7 @@ def _warp_products(template: Template) -> Nine:
         b += xu * xv
         c += xv * xv
         d += xu * yu
-        e += xu * yv  # and xv yu
+        e += xu * yv  # equal to xv * yu
         f += xv * yv
         g += yu * yu
         h += yu * yv

@@ -193,7 +193,7 @@ def _take_template(image: Image, point: np.ndarray, space: Workspace) -> bool:
 @step_kernel
 def _holds(image: Image, x: float, y: float, width: int) -> bool:
     """Whether the image contains all pixels of a window whose first pixel is (x, y)."""
-    left, top = math.floor(x), math.floor(y)  # of NaN, a negative number
+    left, top = math.floor(x), math.floor(y)  # in compiled code, floor(NaN) is negative
     return left >= 0 and top >= 0 and left + width < image.width and top + width < image.height
 
 

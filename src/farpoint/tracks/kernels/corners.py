@@ -15,7 +15,7 @@ __all__ = ["corner_strength", "strongest_places"]
 
 @kernel
 def corner_strength(image: np.ndarray, block: int, strength: np.ndarray) -> None:
-    """Mean squared gradient over a block of pixels, in the direction with the least (Shi-Tomasi).
+    """Least mean squared gradient over a block of pixels, among all directions (Shi-Tomasi).
 
     Parameters
     ----------

@@ -169,12 +169,16 @@ def _within(image: Image, x: float, y: float) -> bool:
 def _descend(
     image: Image, x: float, y: float, termination: Termination, space: Workspace
 ) -> tuple[float, float, bool]:
-    """Take Gauss-Newton steps on one level from (x, y); returns whether all stay in the image."""
+    """Take Gauss-Newton steps on one level from (x, y).
+
+    The function returns the position and whether it is valid: False if the window has no texture or
+    if a step leaves the image.
+    """
     window, pixels = space.window, space.pixels
     half, line = window.half, window.line
     xx, xy, yy = _normal_matrix(window.gx, window.gy)
     determinant = xx * yy - xy * xy
-    if not determinant > 1e-6 * xx * yy:  # no texture, or along one direction only
+    if not determinant > 1e-6 * xx * yy:  # no gradients, or all in one direction
         return x, y, False
     before_x, before_y, share = 0.0, 0.0, 1.0
     left, top = 0, 0

@@ -50,7 +50,7 @@ def residual_of(
     reach_y = half * (abs(theta[4]) + abs(1.0 + theta[5]))
     x += theta[0]
     y += theta[1]
-    # In this form False for NaN.
+    # Comparisons with NaN are False: the function then returns False, too.
     if not (reach_x <= x < image.width - 1 - reach_x and reach_y <= y < image.height - 1 - reach_y):
         return False
     if max(reach_x, reach_y) > MAX_WINDOW_STRETCH * half:

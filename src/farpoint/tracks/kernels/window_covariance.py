@@ -127,7 +127,8 @@ def covary(
             for j in range(np.uintp(line)):
                 moves[a, out + j] = pixels[a, i + j] * residual[i + j]
     xx, xy, yy = _block_moments(moves, moves_line, (width + margin) * moves_line)
-    # Degrees of freedom: of the count / block^2 independent blocks the parameters take their share.
+    # Correction for degrees of freedom: count / block^2 independent blocks minus half the number
+    # of parameters.
     count = width * width
     blocks = count / RESIDUAL_BLOCK_PX**2
     scale = blocks / (blocks - AFFINE_PARAMETERS / 2.0)
@@ -145,7 +146,10 @@ def covary(
 
 @sum_kernel
 def _block_moments(moves: np.ndarray, line: int, size: int) -> tuple[float, float, float]:
-    """Second moments of the sums over blocks, averaged over all positions of the blocks."""
+    """Second moments (xx, xy, yy) of the sums over 3 x 3 blocks.
+
+    The second moment is a sum over the blocks of a grid, averaged over the 9 offsets of the grid.
+    """
     zero = np.float32(0.0)
     xx, xy, yy = zero, zero, zero
     one, two = np.uintp(1), np.uintp(2)

@@ -79,7 +79,7 @@ class Termination(NamedTuple):
 
 
 def line_px(width: int) -> int:
-    """Pixels from one line of a window to the next."""
+    """Stride of lines of ``width`` pixels: the next multiple of `VECTOR_LANES`."""
     return -(-width // VECTOR_LANES) * VECTOR_LANES
 
 
@@ -155,7 +155,7 @@ def sample(
 def differentiate(patch: np.ndarray, patch_line: int, window: Window) -> None:
     """Values and Scharr gradients of a window, from a patch one pixel larger on each side."""
     line, inside, grey, gx, gy = window.line, window.inside, window.grey, window.gx, window.gy
-    # With lines of one length the window is a single line.
+    # If the lines of patch and window have the same length, the window is one line in memory.
     rows = 2 * window.half + 1
     rows, length = (1, rows * line) if line == patch_line else (rows, line)
     side, middle = np.float32(3.0 / 32.0), np.float32(10.0 / 32.0)
