@@ -49,7 +49,7 @@ __all__ = [
 
 __version__ = "0.1.0"
 
-# Loaded on first use: whoever has matches at hand need not wait for images and their libraries.
+# Imported on first use: two-view estimates from matches do not need the image libraries.
 _LATER = {
     "Frame": "farpoint.frames",
     "FrameSource": "farpoint.frames",

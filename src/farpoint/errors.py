@@ -11,8 +11,9 @@ __all__ = ["InputError", "MissingExtraError", "optional_import", "printable", "r
 
 
 class InputError(ValueError):
-    """An argument, option or file cannot be used. The message names the cause and the expected
-    value.
+    """An argument, option or file cannot be used.
+
+    The message names the cause and the expected value.
 
     Parameters
     ----------

@@ -62,8 +62,9 @@ class EvaluationOptions:
     delta_frames : int
         Number of frames over which relative pose errors are computed.
     truth_quaternion : {"xyzw", "wxyz"} or None
-        Order of the quaternions in the file of true poses. By default the names of the columns give
-        the order, if the file has any. Otherwise w is first in EuRoC files and last in TUM files.
+        Order of the quaternions in the file of true poses. By default the names of the columns, if
+        the file has names, give the order. Otherwise w is first in EuRoC files and last in TUM
+        files.
     association : AssociationOptions
         Interpolation of true poses at the times of the estimates.
     """

@@ -1,4 +1,4 @@
-"""Signals that end a computation properly: every output is completed first."""
+"""Signals as KeyboardInterrupt, so that outputs are completed before the process ends."""
 
 from __future__ import annotations
 
@@ -58,13 +58,13 @@ def interruptible() -> Iterator[None]:
 
 
 class _SendAgain:
-    """A signal that is sent to the main thread a moment later."""
+    """A signal that is sent to the main thread after 0.05 s."""
 
     def __init__(self) -> None:
         self._timer: threading.Timer | None = None
 
     def send_later(self, number: int) -> None:
-        """Send the signal a moment later."""
+        """Send the signal after 0.05 s, in place of a signal that is on its way."""
         self.drop()
         self._timer = threading.Timer(_AGAIN_S, _send_to_main_thread, (number,))
         self._timer.daemon = True

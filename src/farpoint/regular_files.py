@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["check_regular_file", "open_regular_file", "read_regular_file", "regular_lines"]
 
-# Opening a FIFO waits for a writer without it; Windows has neither.
+# Without O_NONBLOCK, opening a FIFO waits for a writer. Windows has no FIFOs and no O_NONBLOCK.
 _FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 _LONGEST_LINE = 1 << 16
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
@@ -126,8 +126,9 @@ class _UpTo(io.RawIOBase):
 
 
 def check_regular_file(path: Path, *, what: str) -> None:
-    """Raise the InputError of `read_regular_file` if a path is no regular file, without opening the
-    file.
+    """Raise the InputError of `read_regular_file` if a path is no regular file.
+
+    The file is not opened.
     """
     try:
         mode = path.stat().st_mode

@@ -162,7 +162,7 @@ def bound_ratios(
         Bounds from `farpoint.synthetic.cramer_rao_bound`.
     """
     R_true, directions_true = _truth(views, 0.0)
-    # The bound lives in the tangent space of the truth, so the truth takes the estimate's place.
+    # The bound is in the tangent space of the truth, so truth and estimate are exchanged here.
     dtheta = rotation_error(R_true, run.rotations)
     bases = sphere.tangent_basis(directions_true)
     dbeta = direction_error(directions_true, bases, run.directions)

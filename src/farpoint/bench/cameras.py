@@ -13,5 +13,5 @@ FISHEYE = Camera(
 )
 PANORAMA = Camera(model=Equirectangular(width=1024, height=512), size=(1024, 512))
 
-# By what they are called in a table.
+# Cameras by their names in the tables.
 CAMERAS = {"pinhole, 65 deg": PINHOLE, "fisheye, 195 deg": FISHEYE, "360": PANORAMA}

@@ -53,7 +53,7 @@ def line_chart(
     every = np.concatenate(list(lines.values()))
     low, high = math.floor(math.log10(every.min())), math.ceil(math.log10(every.max()))
     high = max(high, low + 1)
-    # In both directions: the place of a value along the axis, 0 to 1.
+    # A share is the position of a value along an axis, from 0 to 1.
     along = np.log10(x) if log_x else x
     across_share = (along - along[0]) / (along[-1] - along[0])
     across = _LEFT + across_share * (_WIDTH - _LEFT - _RIGHT)

@@ -25,7 +25,8 @@ class Matcher(Protocol):
 class FeatureMatcher:
     """Matcher of nearest descriptors with Lowe's ratio test.
 
-    A match is kept if the second nearest descriptor is much farther than the nearest descriptor.
+    A match is kept if the distance of the nearest descriptor is below 0.8 of the distance of the
+    second nearest descriptor.
 
     Parameters
     ----------

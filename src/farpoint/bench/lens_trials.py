@@ -24,7 +24,7 @@ LensError = Literal["drawn", "two sigmas"]
 """How a calibration is off: by a draw from its prior, or by two sigmas of the focal length."""
 
 _FRAMES, _FPS = 45, 30.0
-_DRAWS = 100  # until one makes a lens
+_DRAWS = 100  # largest number of draws until the parameters are valid
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,7 +52,7 @@ class LensTrial:
 def calibrated_wrong(
     true: Camera, error: LensError, rng: np.random.Generator, prior: LensRefinementOptions
 ) -> Camera:
-    """The camera with calibration errors drawn from the prior."""
+    """The camera with errors of the given kind in its calibration, and the prior's covariance."""
     prior_camera = with_prior(true.with_uncertainty(), prior)
     lens, factor = prior_camera.refinable, prior_camera.parameter_factor
     values = np.array(list(lens.parameters.values()))
@@ -64,7 +64,7 @@ def calibrated_wrong(
             change = 2.0 * prior.focal_sigma * rng.choice([-1.0, 1.0]) * by_scale
         try:
             given = replace(true, model=lens.with_parameters(values + change), uncertainty=None)
-        except InputError:  # values that make no lens
+        except InputError:  # invalid parameters
             continue
         return given.with_parameter_covariance(prior_camera.parameter_covariance())
     raise InputError(f"none of {_DRAWS} draws from the prior makes a lens", field="true")

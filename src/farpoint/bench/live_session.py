@@ -24,7 +24,7 @@ __all__ = ["Claim", "LiveMoment", "LiveTrial", "try_live"]
 _CAMERA = Camera.pinhole(320, 180, 245.0, 245.0, 159.5, 89.5)
 _FPS = 30.0
 _PICTURES = 60
-_PERIOD_S = 60.0  # each fault comes once in it
+_PERIOD_S = 60.0  # each fault occurs once in this time
 _MOMENTS = 10
 _RECORDING = "session.rrd"
 
@@ -71,7 +71,7 @@ class LiveTrial:
     ----------
     claims : tuple of Claim
     moments : tuple of LiveMoment
-        States at the end of each tenth of the session.
+        States at 10 times, which are equally spaced.
     state : LiveState
         State after everything was closed.
     black, failed : int
@@ -95,8 +95,8 @@ def try_live(
     Parameters
     ----------
     duration_s : float
-        Duration of the session, s. Each fault occurs once a minute and lasts 3 s. In a session of
-        less than a minute, each fault occurs once and lasts a twentieth of the session.
+        Duration of the session, s. The session is divided into ``max(1, round(duration_s / 60))``
+        equal periods. Each fault occurs once in each period, and lasts 5 % of the period.
     out : Path
         Folder for the outputs. A recording of the display is written beside this folder.
     seed : int
@@ -189,7 +189,7 @@ def _accounted(written: dict[str, int]) -> int:
 
 def _recorded_pictures(recording: Path) -> int:
     chunk = optional_import("rerun.chunk", extra="rerun", purpose="reading the recording")
-    with warnings.catch_warnings():  # that it has no footer: see the viewer
+    with warnings.catch_warnings():  # the recording has no footer, see `open_recording`
         warnings.simplefilter("ignore")
         parts = chunk.RrdReader(recording).stream()
     return sum(part.num_rows for part in parts if part.entity_path == "/image")

@@ -95,7 +95,7 @@ def read_matches(path: Path) -> MatchFile:
 
 def _read_arrays(path: Path) -> dict[str, np.ndarray]:
     try:
-        # Opened here: of a path that is no archive, NumPy leaves the file open.
+        # Opened here, because np.load does not close a file that is no archive.
         with path.open("rb") as file:
             archive = np.load(file, allow_pickle=False)
             if not isinstance(archive, np.lib.npyio.NpzFile):

@@ -35,12 +35,12 @@ TableName = Literal[
 ]
 TABLES: tuple[TableName, ...] = get_args(TableName)
 
-# Tables that look at the data, and those of which there can be more.
+# Tables that depend on `BenchOptions.data`, and tables that depend on `BenchOptions.full`.
 _OF_DATA = ("pairs", "pipeline", "drawing", "motions", "path", "steps", "halves")
 _FULLER = ("pairs", "coverage", "live")
 
 Progress = Callable[[str, int, int], None]
-"""Called with the current part, the number of its finished steps, and of all its steps."""
+"""Called with the name of a task, the number of finished steps and the number of all steps."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,9 +103,9 @@ class BenchOptions:
         Size of each table. The default sizes are given here in parentheses. The size is a number
         of pairs of views per cell (``paper`` 2000, ``accuracy`` 300, ``pairs`` 60, ``movers`` 60,
         ``scenes`` 60), pairs of frames per row (``lenses`` 40, ``tracks`` 60, ``motions`` 168,
-        ``steps`` 40), scenes per time (``time`` 30), frames (``pipeline`` 60, ``drawing`` 60),
-        seconds of a session (``live`` 60), motions (``path``, by default 100 of each rendered drive
-        or all of each sequence), or recordings per row (``lens`` 7).
+        ``steps`` 40), scenes per number of matches (``time`` 30), frames (``pipeline`` 60,
+        ``drawing`` 60), seconds of a session (``live`` 60), motions (``path``, by default 100 of
+        each rendered drive or all of each sequence), or recordings per row (``lens`` 7).
     seed : int
         Seed of scenes and estimators. The same seed gives the same figures, except for times.
     data : tuple of Path

@@ -9,7 +9,7 @@ from pathlib import Path
 
 __all__ = ["children_cpu_s", "resident_mb"]
 
-# Fields of /proc/PID/stat behind the name: its parent, processor's time in user and kernel mode.
+# Indices of fields after the name in /proc/PID/stat: parent, CPU time in user and in kernel mode.
 _PARENT, _USER, _KERNEL = 1, 11, 12
 
 

@@ -42,8 +42,8 @@ RENDERED_NOTES = (
     "FAILED",
 )
 
-_RIGHT_PX = 1.0  # a track farther from the truth shows something else
-_RIGHT_SIGMA = 5.0
+_RIGHT_PX = 1.0  # tracks with an error above this are outliers
+_RIGHT_SIGMA = 5.0  # also tracks with an error above this multiple of the noise
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -172,7 +172,7 @@ def _row(sequence: RenderedSequence, result: OdometryResult) -> tuple[float, ...
         return (math.nan, math.nan, turn_nees, *4 * (math.nan,), tracks)
     error = np.concatenate([turn, direction_error(found[None], basis[None], direction)], axis=1)
     bound = cramer_rao_bound(_scene(sequence, result, motion))
-    # The bound lives in the tangent space of the truth, so the truth takes the estimate's place.
+    # The bound is in the tangent space of the truth, so truth and estimate are exchanged here.
     off = direction_error(direction, sphere.tangent_basis(direction), found[None])
     return (
         math.degrees(np.linalg.norm(turn)),
@@ -191,7 +191,7 @@ def _scene(sequence: RenderedSequence, result: OdometryResult, motion: np.ndarra
     tracks = result.tracks
     error_px = tracks.points1 - sequence.transfer(tracks.points0, result.frame0, result.frame1)
     length = np.linalg.norm(error_px, axis=1)
-    near = length < _RIGHT_PX  # NaN, where the truth is hidden, is not
+    near = length < _RIGHT_PX  # False for NaN, where the true point is hidden
     sigma = 1.4826 * float(np.median(np.abs(error_px[near])))
     right = length < min(_RIGHT_SIGMA * sigma, _RIGHT_PX)
     return PointScene(
@@ -204,5 +204,5 @@ def _scene(sequence: RenderedSequence, result: OdometryResult, motion: np.ndarra
         true_rays0=sequence.camera.unproject(tracks.points0),
         rotation_cam1_from_cam0=motion[:3, :3],
         translation_cam1_from_cam0=motion[:3, 3],
-        noise_px=sigma / math.sqrt(2.0),  # each end carries half of the error between them
+        noise_px=sigma / math.sqrt(2.0),  # the variance of error_px is that of two pixels
     )

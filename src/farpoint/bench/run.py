@@ -36,7 +36,7 @@ from farpoint.errors import InputError, MissingExtraError
 
 __all__ = ["BenchReport", "run_bench"]
 
-# Tables, or one again and again with more of its rows.
+# Yields tables. A table may be yielded several times, each time with more rows.
 _Maker = Callable[[BenchOptions, Progress], Iterable[Table]]
 _MAKERS: dict[TableName, tuple[_Maker, ...]] = {
     "paper": (paper_table,),
@@ -57,7 +57,7 @@ _MAKERS: dict[TableName, tuple[_Maker, ...]] = {
     "drawing": (drawing_table,),
     "live": (live_tables,),
 }
-# What of the data some are made of.
+# Data that a table needs, named in the report if the table is skipped.
 _NEEDED: dict[TableName, str] = {
     "pairs": "files of matches (.npz)",
     "steps": "image sequences with a calibration and true poses",

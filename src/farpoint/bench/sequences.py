@@ -30,7 +30,7 @@ __all__ = [
 
 # Names of files with the true poses of the camera, beside its images.
 _TRUTHS = ("poses.txt", "groundtruth.txt")
-# Those with the poses of a camera that only turns, or of the body that carries it (EuRoC).
+# Names of files with the poses of a camera that only rotates, or of a body with the camera (EuRoC).
 _OTHER_TRUTHS = ("truth.tum", "groundtruth*.csv")
 
 

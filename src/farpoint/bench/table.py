@@ -15,7 +15,7 @@ __all__ = ["Cell", "Column", "Table"]
 _WRAP = 100
 
 Cell = str | int | float | None
-"""What stands in a table; None and NaN are figures that do not exist: empty fields."""
+"""Content of a cell. None and NaN are missing figures, which are empty in text and CSV."""
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ DISTORTION_SIGMA = 0.05
 """1-sigma of the unknown distortion at a corner, relative to the corner's distance from the
 centre."""
 
-_WIDEST_DEG = 150.0  # beyond it even a rough pinhole is no pinhole
+_WIDEST_DEG = 150.0  # a pinhole does not approximate a wider lens
 _FULL_FRAME_DIAGONAL_MM = math.hypot(36.0, 24.0)
 
 

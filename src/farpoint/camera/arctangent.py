@@ -17,6 +17,8 @@ __all__ = ["Arctangent"]
 class Arctangent(FocalModel):
     """Lens whose image height is ``atan(2 tan(omega / 2) sqrt(X^2 + Y^2) / Z) / omega``.
 
+    The image height is in focal lengths, in the direction of (X, Y).
+
     COLMAP and Kalibr call this lens FOV. PTAM and DSO call this lens ATAN. Points with ``Z <= 0``
     are not visible.
 

@@ -17,7 +17,7 @@ ITERATIONS = 20
 
 @dataclass(frozen=True)
 class MonotonicCurve:
-    """A function of one variable that grows from 0 to `end`.
+    """A function of one variable that increases for arguments from 0 to `end`.
 
     Attributes
     ----------

@@ -46,7 +46,7 @@ def describe(camera: Camera) -> str:
 
 
 def _uncertainty(camera: Camera) -> list[str]:
-    """Lines with the uncertainty in general terms, and with the read-out time."""
+    """Lines with the sigmas of focal length, centre and distortion, and with the read-out time."""
     lines, given = [], camera.uncertainty
     if given is not None and given.covariance is None:
         terms = (

@@ -1,4 +1,4 @@
-"""Fitzgibbon's division model: the pinhole's image radius divided by a quadratic."""
+"""Fitzgibbon's division model: undistorted radius ``r / (1 + k r^2)`` of an image radius r."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class Division(FocalModel):
         """``s = sqrt(Z^2 - 4 k R^2)`` with ``R^2 = X^2 + Y^2``, and the divisor ``(Z + s) / 2``."""
         square = x * x + y * y
         s = np.sqrt(z * z - 4.0 * self.k * square)
-        # Behind, Z and s cancel.
+        # For Z < 0, Z and s cancel in Z + s.
         return s, np.where(z > 0.0, 0.5 * (z + s), 2.0 * self.k * square / (z - s))
 
     def _to_plane(
@@ -97,6 +97,6 @@ class Division(FocalModel):
 
     def _from_plane(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         radial_term = self.k * (a * a + b * b)
-        # With k > 0 the angle off the axis stops growing there.
+        # For k > 0 the angle off the axis stops increasing at radial_term = 1.
         depth = np.where(radial_term < 1.0, 1.0 + radial_term, np.nan)
         return rays_from_plane(a, b, depth)

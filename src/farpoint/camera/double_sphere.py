@@ -37,7 +37,7 @@ class DoubleSphere(FocalModel):
     cx, cy : float
         Principal point, px; the centre of the top-left pixel is (0, 0).
     xi : float
-        Distance of the spheres' centres, between -1 and 1.
+        Distance of the spheres' centres, sphere radii, from -1 to 1.
     alpha : float
         Coefficient from 0 to 1; 0 gives the unified model.
 
@@ -117,7 +117,7 @@ class DoubleSphere(FocalModel):
 
     def _from_plane(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         square = a * a + b * b
-        # The roots are NaN beyond the circle that nothing is imaged to.
+        # The root is NaN outside the circle that contains the image.
         root = np.sqrt(1.0 - (2.0 * self.alpha - 1.0) * square)
         h = (1.0 - self.alpha**2 * square) / (self.alpha * root + (1.0 - self.alpha))
         h2 = h * h

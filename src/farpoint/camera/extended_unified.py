@@ -98,7 +98,7 @@ class ExtendedUnified(FocalModel):
 
     def _from_plane(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         square = self.beta * (a * a + b * b)
-        # The root is NaN beyond the circle that nothing is imaged to.
+        # The root is NaN outside the circle that contains the image.
         root = np.sqrt(1.0 - (2.0 * self.alpha - 1.0) * square)
         depth = (1.0 - self.alpha**2 * square) / (self.alpha * root + (1.0 - self.alpha))
         return rays_from_plane(a, b, depth)

@@ -167,7 +167,7 @@ def quotient_jacobian(
 def quotient_derivatives(
     x: np.ndarray, y: np.ndarray, divisor: np.ndarray, steps: tuple[np.ndarray, ...]
 ) -> PlaneDerivatives:
-    """Derivatives of ``(x, y) / divisor`` by parameters that change the divisor only."""
+    """Derivatives of ``(x, y) / divisor``, from derivatives ``steps`` of the divisor alone."""
     scales = [-step / divisor**2 for step in steps]
     return [(x * scale, y * scale) for scale in scales]
 

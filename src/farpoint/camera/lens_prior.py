@@ -1,4 +1,4 @@
-"""Covariance of the parameters of a lens from errors in general terms."""
+"""Prior covariance of lens parameters from sigmas of focal length, centre and distortion."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ASPECT_SHARE = 0.1
 
 DECENTERING_SHARE = 0.25
 """Displacement at the corner by tangential, prism and tilt errors, divided by the displacement by
-all errors (convention)."""
+all errors of the distortion (convention)."""
 
 ORDER_SHARE = 0.5
 """Displacement at the corner by each radial coefficient, divided by the displacement by the
@@ -25,11 +25,12 @@ coefficient before it (convention: displacements grow smoothly towards the corne
 coefficient is exact)."""
 
 AXIS_STEP = 1e-4
-"""Tangent of the angle off the axis at which the scale of the image's centre is taken."""
+"""Tangent of the angle off the axis of two rays. The distance of their pixels is the scale at the
+centre of the image."""
 
 NO_EFFECT_PX = 1e-9
-"""Displacement at the corner by a unit of a parameter that has no effect, such as beta of an
-extended unified model with alpha = 0."""
+"""Largest displacement at the corner, px per unit of a parameter, of a parameter that counts as
+without effect, such as beta of an extended unified model with alpha = 0."""
 
 RIM_SAMPLES = 2048
 
@@ -47,7 +48,7 @@ def prior_covariance(
     Parameters
     ----------
     model : CameraModel
-        The lens, with zeros for parameters that are not given.
+        The lens. Its ``refinable()`` may have more parameters than the lens.
     size : (width, height) or None
         Size of the images, px, which is needed for an error of the distortion.
     uncertainty : CameraUncertainty or None
@@ -91,7 +92,7 @@ def _padded(covariance: np.ndarray, given: int, refinable: int) -> np.ndarray:
 
 
 def _focal_errors(roles: ParameterRoles, focal: float) -> list[Direction]:
-    """Errors of scale, aspect and shear, which give fx and fy an error of 1 sigma `focal` each."""
+    """Errors of scale, aspect and shear. The relative 1 sigma of fx and of fy is `focal`."""
     deformation = ASPECT_SHARE * focal
     common = np.sqrt(focal**2 - 0.25 * deformation**2)
     return [
@@ -103,7 +104,7 @@ def _focal_errors(roles: ParameterRoles, focal: float) -> list[Direction]:
 def _distortion_errors(
     model: CameraModel, size: tuple[int, int] | None, distortion_px: float
 ) -> list[Direction]:
-    """Errors of the coefficients with this root mean square displacement at the corners."""
+    """Errors of the coefficients. Their total RMS displacement at the corners: `distortion_px`."""
     if size is None:
         raise InputError(
             "expected the size of the images: an error of the distortion is one at their corner",
@@ -150,7 +151,7 @@ def _at_constant_scale(model: CameraModel, name: str) -> Direction:
 
 
 def _displacement_px(model: CameraModel, direction: Direction, rays: np.ndarray) -> float:
-    """Root mean square displacement of the pixels of rays."""
+    """RMS displacement of the pixels of rays by the change `direction` of the parameters."""
     change = np.array([direction.get(name, 0.0) for name in model.parameters])
     displacement = model.project_parameter_jacobian(rays) @ change
     return float(np.sqrt(np.mean(np.sum(displacement**2, axis=1))))

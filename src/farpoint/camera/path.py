@@ -9,9 +9,9 @@ from farpoint.camera.values import as_rows
 
 __all__ = ["project_path"]
 
-_STRAIGHT_PX = 0.2  # a chord may miss the middle of its arc by this
-_WIDEST_RAD = np.deg2rad(2.0)  # steps so small that none leaps over a part of the field
-_FINEST_RAD = 1e-7  # where two neighbours still disagree at this distance, the picture is torn
+_STRAIGHT_PX = 0.2  # largest distance between the middle of a chord and its arc
+_WIDEST_RAD = np.deg2rad(2.0)  # longest arc, so that no arc skips a part of the field
+_FINEST_RAD = 1e-7  # shortest arc; at a seam its two pixels are more than _JUMP_PX apart
 _HALVINGS = 30
 _JUMP_PX = 1.0
 _CROWDED_PX = 0.1
@@ -111,7 +111,7 @@ def _pieces(rays: np.ndarray, pixels: np.ndarray) -> np.ndarray:
 
 
 def _crowded(pixels: np.ndarray) -> np.ndarray:
-    """Mask of the pixels that are redundant, because both neighbours are close."""
+    """Mask of the pixels whose two neighbours are both closer than `_CROWDED_PX`."""
     crowded = np.zeros(len(pixels), bool)
     close = np.linalg.norm(np.diff(pixels, axis=0), axis=1) < _CROWDED_PX
     crowded[1:-1] = close[:-1] & close[1:]

@@ -28,8 +28,8 @@ class Pinhole(FocalModel):
     """Pinhole camera with OpenCV's radial, tangential, thin-prism and tilt distortion.
 
     ``x = X/Z`` and ``y = Y/Z`` are distorted to (a, b) by `RadialTangential`. The pixel is ``u = fx
-    a + cx`` and ``v = fy b + cy``. Points with ``Z <= 0``, and points beyond the radius at which
-    the distortion folds, are not visible.
+    a + cx`` and ``v = fy b + cy``. Points with ``Z <= 0``, and points beyond the radius up to which
+    the distortion is one-to-one, are not visible.
 
     Attributes
     ----------

@@ -32,10 +32,11 @@ class RadialCurve:
 
 
 def radial_curve(camera: Camera) -> RadialCurve:
-    """The curve from the axis to the point of the image border that is farthest from the axis.
+    """The curve from the axis to the border of the image, along the line with the largest angle.
 
-    For most images this point is a corner. For a 360-degree picture this point is the middle of a
-    side. The curve ends where pixels have no ray.
+    The line ends at a corner, or at the border in the row or column of the axis. For most images
+    the end is a corner. For a 360-degree picture the end is the middle of the left or right side.
+    The curve ends where pixels have no ray.
 
     Raises
     ------

@@ -35,17 +35,18 @@ COEFFICIENT_NAMES = (
 )
 ALLOWED_COUNTS = (0, 4, 5, 8, 12, 14)
 
-# Beyond 89.99 degrees off the axis a pinhole's image is 5700 focal lengths away.
+# Largest angle off the axis of the tables and of the search for the fold. A pinhole images this
+# angle at a radius of 5700 focal lengths.
 FARTHEST_RAD = np.deg2rad(89.99)
 RADIAL_NODES = 1024
 AZIMUTH_NODES = 181
-# Radius up to which radii are looked up without a search; the image of 89 degrees is there.
+# Largest radius in the evenly spaced part of the table of radii: tan(89 degrees) is 57.
 FARTHEST_EVEN = 57.0
-# No lens comes near; beyond it the products of coefficients would overflow.
+# Largest magnitude of a coefficient. Products of larger coefficients could overflow.
 LARGEST = 1e12
 
 
-# What a pinhole without distortion is refined by: k1 k2 p1 p2.
+# Number of coefficients (k1 k2 p1 p2) that a refinement adds to a pinhole without distortion.
 FEWEST_COEFFICIENTS = 4
 
 
@@ -53,9 +54,9 @@ FEWEST_COEFFICIENTS = 4
 class RadialTangential:
     """Distortion of the plane ``(x, y) -> (a, b)``, one-to-one within its `fold`.
 
-    The map is used up to the smallest radius at which its determinant vanishes in any direction
-    (found to 0.1 % if the map is not purely radial). Beyond this radius the formula would map a
-    second, mirrored image over the first.
+    The map is used up to the smallest radius at which its determinant vanishes in any direction.
+    If the map is not purely radial, this radius is searched in steps of at most 0.09 degrees off
+    the axis. Beyond this radius the formula would map a second, mirrored image over the first.
 
     Attributes
     ----------
@@ -198,7 +199,7 @@ class RadialTangential:
 
     @cached_property
     def fold(self) -> float:
-        """Radius of the undistorted plane up to which the map is used; infinite without a fold."""
+        """Largest undistorted radius of the map; infinite if the map is radial without a fold."""
         radial_fold = self._radial_fold
         if self._is_radial:
             return radial_fold
@@ -221,7 +222,8 @@ class RadialTangential:
         slope = np.convolve((1.0 + 2.0 * degrees) * gain, loss)
         slope -= np.convolve(gain, 2.0 * degrees * loss)
         end = np.sqrt(min(first_positive_root(slope), first_positive_root(loss)))
-        # Short of a pole, where the denominator vanishes; at a fold the height does not change.
+        # Slightly below the root: at a root of `loss` the map is infinite. At a root of `slope` the
+        # map is flat, so the factor does not change the distorted radius.
         return float(end * (1.0 - 1e-9))
 
     def _surely_keeps_orientation(self, radius: np.ndarray) -> np.ndarray:

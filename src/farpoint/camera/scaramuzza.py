@@ -19,7 +19,8 @@ from farpoint.errors import InputError
 
 __all__ = ["Scaramuzza"]
 
-# A curve that never stops growing is used so many focal lengths far, 88.9 degrees for a pinhole.
+# Largest radius, focal lengths, of a curve that never stops increasing. A pinhole has an angle of
+# 88.9 degrees at this radius.
 FARTHEST = 50.0
 
 
@@ -163,7 +164,7 @@ class Scaramuzza(LensModel):
         p = np.column_stack([scale + x * x * curvature, cross, x * fall])
         q = np.column_stack([cross, scale + y * y * curvature, y * fall])
         flat = self._focal * np.hstack([p + self.e * q, self.d * p + self.c * q])
-        # Also at a point of no distance, which has an angle but no pixel.
+        # The point (0, 0, 0) has no pixel, but `arctan2` gives it an angle.
         flat[np.isnan(flat).any(axis=1)] = np.nan
         return flat
 

@@ -11,7 +11,7 @@ from farpoint.camera.plane_map import PlaneMap
 
 __all__ = ["Tilt"]
 
-# Derivatives of the turns about x and about y at no angle; each commutes with its turns.
+# Derivatives of `_about_x` and `_about_y` at angle 0. A generator commutes with its rotations.
 GENERATOR_X = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 GENERATOR_Y = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
 
@@ -103,7 +103,7 @@ def _about_y(angle: float) -> np.ndarray:
 
 
 def _onto_sensor(turn: np.ndarray, last: float) -> np.ndarray:
-    """Projection onto the rotated plane, linear in the rotation except for one entry."""
+    """Projection (3, 3) onto the plane rotated by `turn`; ``last`` is 1, or 0 for a derivative."""
     return np.array(
         [[turn[2, 2], 0.0, -turn[0, 2]], [0.0, turn[2, 2], -turn[1, 2]], [0.0, 0.0, last]]
     )

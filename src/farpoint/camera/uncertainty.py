@@ -1,4 +1,4 @@
-"""Uncertainty of the parameters of a lens: in general terms, or as a covariance."""
+"""Uncertainty of a lens: sigmas of focal length, centre and distortion, or a covariance."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ from farpoint.errors import InputError
 
 __all__ = ["CameraUncertainty", "covariance_factor"]
 
-# Of a correlation matrix: what rounding makes of zero.
+# Bounds for a correlation matrix. Eigenvalues up to RELATIVE_ZERO times the largest count as zero.
+# ASYMMETRY bounds the difference between mirrored entries, and negative eigenvalues.
 RELATIVE_ZERO = 1e-12
 ASYMMETRY = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
 class CameraUncertainty:
-    """Errors of a calibration, 1 sigma: in general terms, or as the covariance of the parameters.
+    """Errors of a calibration, 1 sigma: three common errors, or the covariance of the parameters.
 
     Attributes
     ----------
@@ -31,7 +32,7 @@ class CameraUncertainty:
         Error of the distortion as the displacement at the corner of the image, px; None if exact.
     covariance : tuple of tuple of float, or None
         Covariance (P, P) of the parameters of the lens's ``refinable()``, in their units and order.
-        The covariance replaces all other terms. A parameter with variance 0 is exact.
+        No other attribute is allowed beside a covariance. A parameter with variance 0 is exact.
 
     Raises
     ------

@@ -46,7 +46,7 @@ class Unified(FocalModel):
     cx, cy : float
         Principal point, px; the centre of the top-left pixel is (0, 0).
     xi : float
-        Distance of the pinhole from the sphere's centre, 0 or more.
+        Distance of the pinhole from the sphere's centre, sphere radii, from 0 to 100.
     distortion : tuple of float
         ``k1 k2 p1 p2 [k3 ...]``, empty for none.
     skew : float
@@ -71,7 +71,7 @@ class Unified(FocalModel):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        # A hundred radii from the sphere, nothing but its front half is seen.
+        # For larger xi the visible points, Z / |(X, Y, Z)| > -1 / xi, are those of the front half.
         object.__setattr__(self, "xi", within("xi", self.xi, 0.0, 100.0))
         object.__setattr__(self, "distortion", RadialTangential(self.distortion).coefficients)
         object.__setattr__(self, "skew", finite("skew", self.skew))
@@ -162,7 +162,7 @@ class Unified(FocalModel):
         self, x: np.ndarray, y: np.ndarray, z: np.ndarray, a: np.ndarray, b: np.ndarray
     ) -> np.ndarray:
         jacobian = super()._by_parameters(x, y, z, a, b)
-        # The skew is in pixels: its share of a does not grow with fx.
+        # The term skew b of u does not depend on fx.
         jacobian[:, 0, 0] -= self._shear * jacobian[:, 1, 1]
         return jacobian
 
@@ -171,7 +171,7 @@ class Unified(FocalModel):
         if not self._lens.is_identity:
             x, y = self._lens.undistort(x, y)
         square = x * x + y * y
-        # NaN beyond the circle that nothing is imaged to.
+        # The root is NaN outside the circle that contains the image.
         scale = (self.xi + np.sqrt(1.0 + (1.0 - self.xi**2) * square)) / (1.0 + square)
         rays = np.empty((len(a), 3))
         rays[:, 0] = scale * x

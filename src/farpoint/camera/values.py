@@ -12,8 +12,8 @@ from farpoint.errors import InputError
 
 __all__ = ["as_rows", "finite", "in_blocks", "parameter_values", "positive", "within"]
 
-# Few enough rows that a dozen temporaries stay in the processor's second-level cache: a million
-# pixels then take 1/4 of the time they take at once.
+# Few enough rows that a dozen temporary arrays stay in the processor's second-level cache: a
+# million pixels in such blocks take 1/4 of the time that they take in one block.
 BLOCK_ROWS = 8192
 
 _LARGEST = 1e12

@@ -37,7 +37,7 @@ COMMANDS: dict[str, Callable[..., Any]] = {
     "camera": ShowCamera,
     "compile": Compile,
 }
-"""Each command's options, by its name; calling the record runs the command."""
+"""Options class of each command, by name; calling an instance runs the command."""
 
 _WRONG_USAGE = 2
 _INTERRUPTED = 130
@@ -72,7 +72,7 @@ def _run(arguments: list[str]) -> int:
     except SystemExit:  # the help was shown
         sys.stdout.flush()
         raise
-    sys.stdout.flush()  # a full disk behind it shows here, and not when Python exits
+    sys.stdout.flush()  # a full disk raises an error here, not when Python exits
     return code or 0
 
 

@@ -31,7 +31,7 @@ class Bench:
 
     def __call__(self) -> None:
         """Run the command."""
-        # Loaded on use: it brings the renderer, which the other commands need not wait for.
+        # Imported on use: the import loads the renderer, which other commands do not need.
         from farpoint.bench.run import run_bench
 
         run_bench(self.options, self.out, _StepsOnStderr(), show=print)

@@ -33,7 +33,7 @@ PHONE_FPS = 30.0
 PHONE_READOUT_S = 0.7 / PHONE_FPS
 _EXPOSURE_S = 0.004
 _FOCAL_ERROR = 0.05  # of the focal length that farpoint is given
-_FRAMES, _HANDHELD_FRAMES = 100, 60  # that take about as long: a blurred one is the mean of three
+_FRAMES, _HANDHELD_FRAMES = 100, 60  # similar run time: a blurred frame is a mean of three
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +91,7 @@ class Demo:
         print(_what_to_look_at(self.out, self.output, self.handheld))
 
     def _render(self, frames: int) -> RenderedSequence:
-        # Loaded on use: the other commands need not wait for the renderer.
+        # Imported on use: other commands do not need the renderer.
         from farpoint.synthetic import (
             ImagingOptions,
             Miscalibration,
@@ -115,7 +115,8 @@ class Demo:
 
 
 _INSIDE = "in 95 of 100 frames the true place is inside the ellipse around it"
-# Two-view estimates use the given lens as exact until the path's estimate differs.
+# Two-view estimates take the given lens as exact until the lens estimated over the path differs
+# significantly.
 _INSIDE_BY_HAND = """in how many frames the true place is inside the ellipse around it,
 the row "direction" above: until lens and shutter are found, fewer than 95 of 100"""
 _IN_THE_CURVE = """In the bend the 1-sigma of the direction rises: its direction is less

@@ -11,7 +11,7 @@ __all__ = ["Progress"]
 
 _TERMINAL_S = 0.2
 _LOG_S = 5.0
-_LONGEST_S = 30 * 86400.0  # beyond a month the number of frames is a fault of the file
+_LONGEST_S = 30 * 86400.0  # a longer time left comes from a wrong number of frames in the file
 
 
 class Progress:
@@ -69,7 +69,7 @@ class Progress:
         text = f"{self._done}{of} {self._what}, {rate:.1f}/s"
         if self._total is not None and 0 < self._done < self._total:
             left_s = (self._total - self._done) / rate
-            # A total from a damaged header is no forecast.
+            # No time left is printed if the total is from a damaged header.
             text += f", {_duration(left_s)} left" if left_s < _LONGEST_S else ""
         text += f", {self._note}" if self._note else ""
         if self._terminal:

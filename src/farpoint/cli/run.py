@@ -61,7 +61,7 @@ class Run(RecordedOptions):
 
     def __call__(self) -> None:
         """Run the command."""
-        # Faults of the calibration come before those of the source.
+        # Errors of the calibration are raised before errors of the source.
         known = self.lens.known()
         frames = open_frames(
             self.source,
@@ -113,10 +113,11 @@ def process_frames(
         into ``out``.
     """
     timed = _Timed(frames, source)
-    # The first image comes before the folder: a wrong calibration must not cost an earlier result.
+    # The first image is read before the folder is opened, so that a wrong calibration raises an
+    # error before earlier results are replaced.
     first = _up_to_an_image(timed)
     image = first[-1][0].image
-    assert image is not None  # or `timed` had raised
+    assert image is not None  # otherwise `timed` raises
     height, width = image.shape
     aspect = getattr(frames, "pixel_aspect", 1.0)
     camera, notes = camera_for(camera, width, height, aspect)
@@ -134,9 +135,9 @@ def process_frames(
     )
     odometry = Odometry(camera, options, mask=mask)
     with ExitStack() as opened:
-        # Whoever holds the folder may record into it, too.
+        # The lock comes first, because the display and the bag may write into the folder.
         lock = lock or opened.enter_context(FolderLock(out))
-        # The display comes before the folder too: where it cannot be had, nothing is replaced.
+        # The display is opened before the folder: if it fails, no earlier result is replaced.
         display = None
         if viewer is not None and viewer.wanted:
             display = open_viewer(viewer, frames.name, camera, output.palette)
@@ -149,7 +150,7 @@ def process_frames(
             bag = BagSink(bag_file, lambda: odometry.lens.camera, metres, lambda: timed.time_ns)
             opened.callback(bag.close)
         folder = opened.enter_context(OutputFolder(out, description, output, lock=lock))
-        for note in (*notes, *folder.notes):  # here: what is refused is refused in one line
+        for note in (*notes, *folder.notes):  # last, so that an error above is the only line
             warn(note)
         if display is not None:
             folder.add("viewer", display)

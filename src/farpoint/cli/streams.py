@@ -53,7 +53,7 @@ class _Lasting(io.TextIOBase):
         self._stream, self._has_results = stream, has_results
         self._was_terminal = self.isatty()
         if isinstance(stream, io.TextIOWrapper):
-            # A name that the terminal's encoding does not have is shown, not an error.
+            # Characters that the encoding of the terminal lacks are escaped and raise no error.
             stream.reconfigure(errors="backslashreplace")
 
     def write(self, text: str, /) -> int:
@@ -81,13 +81,13 @@ class _Lasting(io.TextIOBase):
         try:
             yield self._stream
         except OSError as error:
-            # Terminals that hung up say EIO.
+            # A terminal that hung up gives EIO.
             has_gone = isinstance(error, BrokenPipeError) or (
                 self._was_terminal and error.errno == errno.EIO
             )
             if self._has_results and not has_gone:
                 raise
             stream, self._stream = self._stream, None
-            # What is left in its buffer must not be tried again when Python exits.
+            # Python must not try to write the rest of the buffer at exit.
             with contextlib.suppress(io.UnsupportedOperation, AttributeError):
                 os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())  # type: ignore[union-attr]

@@ -14,13 +14,13 @@ __all__ = ["in_one_line"]
 
 T = TypeVar("T")
 
-# tyro's words for a value that a record of options refused: the records it lies in, by the names
-# of their fields, and the problem, which begins with the field's own name.
+# tyro's message about a value that an options class refused: the path of field names to the
+# options class, then the message of the class, which begins with the name of the field.
 _REFUSED = re.compile(
     r"Error parsing __tyro-dummy-inner__(?:\.(?!metric\b)\w+)?(?P<records>[.\w]*): (?P<field>\w+): "
 )
 
-_RULE = re.compile("───|---{20}")  # the second where the terminal knows no other
+_RULE = re.compile("───|---{20}")  # the second in terminals without box characters
 
 
 def in_one_line(parse: Callable[[], T], see: str) -> T:
@@ -49,9 +49,9 @@ def _first_lines(box: str) -> str:
 
 
 def _option_of(refused: re.Match[str]) -> str:
-    """The option as users type it.
+    """The option as typed on the command line.
 
-    Fields of the outermost record have no prefix, except fields of `metric`.
+    Only fields of `metric` have a prefix from the outermost options class.
     """
     path = f"{refused['records']}.{refused['field']}".removeprefix(".")
     return f"--{path.replace('_', '-')}: "

@@ -26,7 +26,7 @@ _ENDED = ("closing", "closed", "failed")
 
 _CONFIG = {
     "distributed.scheduler.allowed-failures": _WORKERS_DIED,
-    # A worker that starts slowly is not lost: `Cluster.look_after` replaces those that are.
+    # Long, because a worker may start slowly; `Cluster.look_after` replaces lost workers.
     "distributed.deploy.lost-worker-timeout": "1 hour",
     "distributed.nanny.pre-spawn-environ": {
         "MALLOC_TRIM_THRESHOLD_": 65536,
@@ -118,7 +118,7 @@ class Cluster:
             if self._in_vain > _STARTS_IN_VAIN:
                 raise InputError(f"{self._count} could not be started", field="--workers")
             local.loop.add_callback(local.scale_down, known)
-        elif not ended:  # else Dask still has their names
+        elif not ended:  # otherwise Dask still has the names of the ended workers
             local.scale(self._count)
 
 
@@ -138,7 +138,7 @@ def open_cluster(options: ClusterOptions) -> Iterator[Cluster]:
         opened.enter_context(dask.config.set(_CONFIG))
         _check_size(dask, options.memory)
         distributed = optional_import("distributed", extra="dask", purpose="running a fleet")
-        for logger_name in ("distributed", "tornado", "asyncio"):  # of what ends while it is used
+        for logger_name in ("distributed", "tornado", "asyncio"):  # they log ended workers
             logging.getLogger(logger_name).setLevel(logging.CRITICAL)
         if options.scheduler is not None:
             try:
@@ -195,7 +195,7 @@ def _ignoring_ctrl_c() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return
-    resource_tracker.ensure_running()  # whose start would open the ears of its thread again
+    resource_tracker.ensure_running()  # its start would unblock SIGINT in this thread
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

@@ -14,21 +14,21 @@ from farpoint.sinks.kernels.discs import draw_discs
 __all__ = ["compile_kernels"]
 
 _LENS = (320, 240, 240.0, 240.0, 159.5, 119.5)
-# A pinhole has other kernels with distortion, and a rolling shutter has its own.
+# A pinhole has different kernels with and without distortion; a rolling shutter has its own.
 _CAMERAS = (
     Camera.pinhole(*_LENS),
     Camera.pinhole(*_LENS, distortion=(0.01, 0.0, 0.0, 0.0)).with_readout(0.02, 0.002),
 )
 _FRAMES = 5
-_SEEDS = 8  # scenes of each kind: in about half of them the search finds a secondary mode
+_SEEDS = 8  # scenes of each kind; in about 50 % of them the search finds a secondary mode
 
 
 def compile_kernels() -> None:
-    """Run small drives, and estimate motions in scenes of many kinds, so that all kernels of
-    later runs are in numba's cache on this machine.
+    """Compile all kernels of later runs into numba's cache on this machine.
 
-    The images are large enough for 60 matches, because halves of the tracks correct the covariance
-    only from 60 matches on.
+    The function runs small drives and estimates motions in scenes of many kinds. The images are
+    large enough for 60 matches, because halves of the tracks correct the covariance only from 60
+    matches on.
     """
     # Loaded on use: only this function needs the scenes.
     from farpoint.synthetic import PointSceneOptions, make_point_scene, render_drive
@@ -44,8 +44,8 @@ def compile_kernels() -> None:
     rotation = dataclasses.replace(
         usual, translation_m=(0.0, 0.0, 0.0), rotation_vector_rad=(0.02, 0.0, 0.0)
     )
-    # A general motion, and one with little parallax, with an uncertain direction of many matches,
-    # with large noise, with two modes, and none.
+    # In this order: general motion; little parallax; uncertain direction with many matches; large
+    # noise; two modes; rotation without translation.
     for options in (
         dataclasses.replace(usual, camera=fisheye, matches=600),
         dataclasses.replace(usual, far_share=0.8, translation_m=(0.02, 0.0, 0.0)),

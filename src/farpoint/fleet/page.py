@@ -64,7 +64,7 @@ document.querySelectorAll("th").forEach((head, column) => head.addEventListener(
 
 
 def outliers_first(rows: Sequence[Row]) -> list[Row]:
-    """Failed drives first, then other drives, by split-half ratio and share of failed pairs."""
+    """Failed drives, then finished drives with the most unusual first, then waiting drives."""
     return sorted(rows, key=lambda row: (row.state != "failed", row.state == "waiting", -_odd(row)))
 
 

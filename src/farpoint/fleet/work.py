@@ -28,14 +28,14 @@ class Work:
 
 def do_drive(work: Work) -> str | None:
     """Run a drive that is not finished; returns the reason of a failure in one line, or None."""
-    if is_finished(work.folder, work.key):  # by a worker that died before it could say so
+    if is_finished(work.folder, work.key):  # by a worker that died before it returned
         return None
     try:
         optional_import("cv2", extra="video", purpose="reading images").setNumThreads(1)
         output = io.StringIO()
         with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
             finish_folder(work.folder, work.key, partial(_run, work.drive))
-    except Exception as error:  # whatever it is, the other drives go on
+    except Exception as error:  # any error: the other drives go on
         return one_line(error)
     return None
 

@@ -8,7 +8,7 @@ from farpoint.frames.files import natural_key
 
 __all__ = ["find_calibration"]
 
-# From the surest name to the least sure: KITTI, EuRoC, Kalibr, then what people call theirs.
+# The most specific names come first: KITTI, EuRoC, Kalibr, then other common names.
 _PATTERNS = (
     "calib.txt",
     "sensor.yaml",

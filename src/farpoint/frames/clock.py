@@ -17,7 +17,7 @@ def parse_seconds(text: str) -> float:
 
     Raises ValueError if the text is no finite number.
     """
-    # Whole numbers stay whole until they are divided: nanoseconds of today exceed 2^53.
+    # Integers stay exact until the division: a Unix time in nanoseconds exceeds 2^53.
     value = int(text) if text.isascii() and text.isdigit() else float(text)
     if not math.isfinite(value):
         raise ValueError(text)

@@ -35,7 +35,8 @@ MAX_MEGAPIXELS = 100.0
 _LARGEST_BYTES = 1 << 30
 _SILENT, _STDERR = 0, 2
 _LONGEST_WORDS = 1 << 16
-# Messages of libjpeg where it goes on with a guess. Many cameras put a few bytes before the end.
+# Messages of libjpeg about data that it replaced by a guess. Extra bytes before the end marker,
+# which many cameras write, are no damage.
 _JPEG_DAMAGE = re.compile(
     rb"Corrupt JPEG data: (?!\d+ extraneous bytes before marker 0xd9)"
     rb"|Premature end of JPEG file|Inconsistent progression sequence"

@@ -16,14 +16,14 @@ _DEPTHS = (8, 10, 12, 14, 16)
 """Bits of common sensors."""
 
 _LEAST_CONTRAST = 64
-"""Least range of an image, of 256 grey levels, with which its upper 8 bits are used; 50 % of the
-range of a stretched image."""
+"""Least range of the samples, grey levels of the upper 8 bits, for which the upper 8 bits are used.
+The samples of a stretched image span 128 grey levels."""
 
 _TAIL = 0.001
 """Share of the darkest, and of the brightest, samples that may saturate (convention)."""
 
 _HEADROOM = 0.5
-"""Headroom on either side, over the range of the samples, for darker or brighter images."""
+"""Margin below and above the range of the samples, divided by this range."""
 
 _EVERY = 7
 """Subsampling of the pixels along both axes."""

@@ -19,7 +19,7 @@ _IMAGE_SUFFIXES = frozenset(
 
 _LARGEST_LIST_BYTES = 1 << 28
 _MOST_LINES = 2_000_000  # 18 hours at 30 a second
-"""Of a file that lists images or times: some millions of lines (convention)."""
+"""Largest number of lines of a file that lists images or times (convention)."""
 
 _NO_NAMES = frozenset(
     {"images", "image", "imgs", "img", "frames", "rgb", "color", "colour", "gray", "grey"}

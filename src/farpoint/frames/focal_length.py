@@ -13,10 +13,10 @@ from farpoint.frames.video import VideoFile
 __all__ = ["find_focal_length"]
 
 _EXIF_IFD, _FOCAL_LENGTH_35MM = 0x8769, 0xA405
-# What phones write that write it: QuickTime's key, under which Apple's cameras and others' put it.
+# QuickTime's metadata key of the focal length, written by Apple's and other phones.
 _VIDEO_KEY = "com.apple.quicktime.camera.focal_length.35mm_equivalent"
-_MOST_IMAGES = 20  # looked at, evenly spread
-_ZOOM = 1.02  # focal lengths that differ by more are not one lens
+_MOST_IMAGES = 20  # one image in len(images) // 20 is read
+_ZOOM = 1.02  # largest ratio of the focal lengths of images from one lens
 
 HELP = "give --fov DEG, or a calibration by --camera"
 

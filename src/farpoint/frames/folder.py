@@ -32,12 +32,15 @@ def sequence_in(images_folder: Path, *, root: Path, fps: float | None) -> ImageS
 
 
 def open_folder(folder: Path, *, fps: float | None) -> ImageSequence:
-    """Images in `folder`, or in the only subfolder of `folder` that has images.
+    """Images in `folder`, else in a subfolder of a usual name, else in the only one with images.
+
+    The usual names are ``images``, ``image``, ``rgb``, ``frames``, ``data``, ``img`` and ``imgs``,
+    in this order.
 
     Raises
     ------
     InputError
-        If there is no image, or if several subfolders have images.
+        If there is no image, or if several subfolders of other names have images.
     """
     inside = sorted(entry for entry in folder.iterdir() if entry.is_dir())
     usual = [folder / name for name in _USUAL_NAMES if folder / name in inside]

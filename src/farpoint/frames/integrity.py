@@ -26,7 +26,7 @@ def find_damage(data: bytes) -> str | None:
         return "the file is empty"
     if data.startswith(_PNG_SIGNATURE):
         return _find_png_damage(data)
-    # The end must follow the last scan: an embedded thumbnail brings an end of its own.
+    # The end marker must follow the last scan: a thumbnail has an end marker of its own.
     if data.startswith(JPEG_START) and data.rfind(_JPEG_END) < data.rfind(_JPEG_SCAN):
         return "the JPEG is truncated"
     return None

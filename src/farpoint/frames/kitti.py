@@ -11,7 +11,7 @@ from farpoint.frames.sequence import ImageSequence
 
 __all__ = ["open_kitti"]
 
-# The left grey camera first, then the left colour one; the right ones on request only.
+# The left grey camera, then the left colour camera. Right cameras are opened by their own folder.
 _CAMERAS = ("image_0", "image_2", "image_00/data", "image_02/data")
 
 

@@ -20,8 +20,8 @@ class Grey:
 
     If a picture has a plane of luma, this plane is used unchanged. No colour is converted. Limited
     range (16 to 235) is not stretched, because corners and optical flow do not depend on the range.
-    If luma has more than 8 bits, the upper 8 bits are used. Luma of 16 bits, whose upper bits may
-    be unused, is mapped by a table. FFmpeg converts other formats (RGB, packed or palette colours).
+    If luma has 9 to 14 bits, the upper 8 bits are used. Luma of 16 bits, whose upper bits may be
+    unused, is mapped by a table. FFmpeg converts other formats (RGB, packed or palette colours).
 
     Attributes
     ----------

@@ -64,8 +64,8 @@ def _other_size(path: Path, got: str, size: tuple[int, int]) -> InputError:
 def _grey(path: Path, size: tuple[int, int]) -> np.ndarray:
     """Grey values of an 8-bit image, in the orientation of the file.
 
-    If the header states a far larger image, an error is raised before decoding, because decoding
-    would take gigabytes.
+    If the header states more than `MAX_MEGAPIXELS`, and more pixels than the frames have, an error
+    is raised before decoding, because decoding could take gigabytes.
     """
     cv2 = optional_import("cv2", extra="video", purpose="reading images")
     data = read_regular_file(path, limit_bytes=_LARGEST_BYTES, what="a mask, an 8-bit image")

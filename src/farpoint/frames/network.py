@@ -25,7 +25,7 @@ __all__ = ["NetworkVideo", "in_wall_clock", "open_url"]
 
 _SCHEMES = ("rtsp", "rtsps", "rtmp", "http", "https", "udp", "tcp", "rtp", "srt")
 _LARGEST_COPY_BYTES = 1 << 32
-"""Of a recording from a server without ranges (convention)."""
+"""Size limit of a recording from a server without byte ranges (convention)."""
 
 _TIMEOUT_S = 10.0
 """Longest silence of a server, s, after which it counts as lost."""
@@ -61,7 +61,7 @@ class NetworkVideo:
 def in_wall_clock(moments: Iterator[Moment], now: Callable[[], float]) -> Iterator[Moment]:
     """Shift times of the sender so that the first time is the time of arrival.
 
-    The shift is renewed after every jump back and every interruption.
+    The shift is renewed after every jump back in time and after a picture without a time stamp.
     """
     offset, last = None, None
     for moment in moments:

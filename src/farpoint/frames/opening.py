@@ -25,7 +25,7 @@ from farpoint.frames.video import open_video
 
 __all__ = ["open_frames"]
 
-_MOST_FPS = 1e6  # and one frame in so many seconds, at the least
+_MOST_FPS = 1e6  # largest frame rate; the smallest is 1 / _MOST_FPS
 
 
 def open_frames(
@@ -46,7 +46,7 @@ def open_frames(
         - a video file;
         - a folder of images, or a folder around such a folder (``images``, ``rgb``, ...);
         - a pattern of image files, such as ``"shots/*.png"``;
-        - a TIFF file with several pages (each page is a frame), alone or in a folder;
+        - a TIFF or WebP file with several pages (each page is a frame), alone or in a folder;
         - a KITTI (odometry or raw), EuRoC, TUM-VI or TUM RGB-D folder, from which the left, grey
           or only colour camera is read; to read another camera, give the folder of that camera;
         - a bag: a ROS 1 ``.bag``, the folder or a file of a ROS 2 bag (sqlite3 or MCAP), or any

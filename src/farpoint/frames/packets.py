@@ -48,8 +48,8 @@ def decode(container: Any, stream: Any, deep: GreyTable | None = None) -> Iterat
     Samples of 16 bits are mapped to grey values by the table ``deep``, or by a table made from the
     first picture if ``deep`` is None.
 
-    A picture leaves the decoder later than the packet of the picture enters the decoder. The fault
-    of a packet is therefore returned after the pictures of earlier packets.
+    The decoder may return a picture several packets after the packet of the picture. The fault of a
+    packet is therefore returned after the pictures of earlier packets.
     """
     waiting: list[tuple[float, int, Moment]] = []
     for number, moment in enumerate(_decode_in_storage_order(container, stream, deep)):
@@ -112,13 +112,13 @@ def _decode_packet(stream: Any, packet: Any, incomplete: set[int], grey: Grey) -
 
 def frame_rate(stream: Any) -> float | None:
     """Frames per second in the header of a stream; None if missing."""
-    # None before PyAV 19, and 0 / 0 since.
+    # A missing rate is None before PyAV 19, and 0 / 0 from PyAV 19 on.
     rate = float(stream.average_rate or 0)
     return rate if 0.0 < rate < math.inf else None
 
 
 def _seconds(pts: int | None, stream: Any) -> float | None:
-    # Not picture.time: pictures that the decoder held until the end have lost their time base.
+    # Not picture.time: the last pictures that the decoder returns have no time base.
     return None if pts is None else float(pts * stream.time_base)
 
 
@@ -134,7 +134,7 @@ def _find_truncation(container: Any, stream: Any, end_s: float) -> str | None:
         duration_s, tolerance_s = stream.frames / rate, max(0.1, 1.5 / rate)
     elif container.duration is not None:
         duration_s = container.duration / 1e6  # from us
-        tolerance_s = max(1.0, 0.02 * duration_s)  # sound, which counts here, may go on longer
+        tolerance_s = max(1.0, 0.02 * duration_s)  # includes sound, which may end later
     else:
         return None
     announced_s = (container.start_time or 0) / 1e6 + duration_s

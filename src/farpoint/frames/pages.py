@@ -37,7 +37,7 @@ def pages_of(path: Path) -> int:
         check_regular_file(path, what="an image")
         with _opened(path) as image:
             return getattr(image, "n_frames", 1)
-    except Exception:  # of damaged files Pillow raises whatever its parsers do
+    except Exception:  # Pillow raises many kinds of errors for damaged files
         return 1
 
 
@@ -55,7 +55,10 @@ def read_page(path: Path, page: int) -> np.ndarray:
 
 
 def image_size(data: bytes) -> tuple[int, int] | None:
-    """Width and height of an image from the header in the bytes of the file; None if missing."""
+    """Width and height of an image from the header in the bytes of the file; None if missing.
+
+    For an image that Pillow refuses as too large, the result is (number of pixels, 1).
+    """
     Image = _pillow()
     try:
         with _opened(io.BytesIO(data)) as image:
@@ -63,7 +66,7 @@ def image_size(data: bytes) -> tuple[int, int] | None:
     except Image.DecompressionBombError as error:
         pixels = int("".join(filter(str.isdigit, str(error).partition("pixels")[0])) or 0)
         return pixels, 1
-    except Exception:  # of damaged files Pillow raises whatever its parsers do
+    except Exception:  # Pillow raises many kinds of errors for damaged files
         return None
 
 

@@ -166,7 +166,7 @@ def _copy_folder(system: Any, path: str, folder: Path) -> None:
     folder.mkdir()
     for file in system.find(path):
         within = PurePosixPath(file.removeprefix(path.rstrip("/")).lstrip("/"))
-        if file.endswith("/") or ".." in within.parts:  # a server may name what it likes
+        if file.endswith("/") or ".." in within.parts:  # names from the server may leave the folder
             continue
         copy = folder / within
         copy.parent.mkdir(parents=True, exist_ok=True)

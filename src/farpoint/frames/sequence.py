@@ -48,7 +48,7 @@ class ImageSequence:
     max_megapixels: float = MAX_MEGAPIXELS
 
     def __post_init__(self) -> None:
-        optional_import("cv2", extra="video", purpose="reading images")  # now, not in mid-run
+        optional_import("cv2", extra="video", purpose="reading images")  # before the run starts
 
     @property
     def count(self) -> int:
@@ -95,6 +95,6 @@ class ImageSequence:
         if page:
             try:
                 return read_page(self.images[index], page)
-            except Exception as error:  # of damaged files Pillow raises whatever its parsers do
+            except Exception as error:  # Pillow raises many kinds of errors for damaged files
                 raise UnreadableImageError(f"page {page} cannot be decoded") from error
         return read_samples(self.images[index], self.max_megapixels)

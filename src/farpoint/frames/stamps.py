@@ -16,7 +16,7 @@ from farpoint.frames.files import read_lines
 __all__ = ["DEFAULT_FPS", "Stamps", "find_stamps", "require_order"]
 
 DEFAULT_FPS = 10.0
-"""Rate assumed for images without time stamps where the user names none, frames/s (KITTI's)."""
+"""Frame rate, 1/s, of images without time stamps if the user gives none (KITTI's rate)."""
 
 _TIMES_FILES = ("times.txt", "timestamps.txt")
 _DATE = re.compile(r"[0-9]{4}-[0-9]{2}-[0-9]{2}")

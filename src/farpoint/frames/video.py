@@ -22,7 +22,7 @@ _PLAYLIST = re.compile(
     r"#extm3u|ffconcat version|<mpd[\s>]|\A\W{0,8}v=0\s|\A\W{0,8}\[reference\]|<smil[\s>]"
     r"|\A\W{0,8}\[playlist\]|\A\W{0,8}file\s+['\"]?\S|<compositionplaylist|\A\W{0,8}rtsptext"
 )
-"""Of HLS, ffconcat, DASH, SDP, ASX and its like, SMIL, PLS, concat lists and IMF."""
+"""Marks of playlists: HLS, ffconcat, DASH, SDP, ASX, SMIL, PLS, concat lists, IMF and RTSPtext."""
 
 __all__ = ["VideoFile", "frame_count", "frames_of", "open_container", "open_video", "video_stream"]
 
@@ -210,7 +210,7 @@ def _open(path: Path, opener: Callable[[], IO[bytes]] | None = None) -> Iterator
                 file=path,
             ) from error
         with container:
-            # FFmpeg makes a film even of a text (a terminal that prints it) and of a single image.
+            # FFmpeg opens also a text (format tty) and a single image (formats _pipe) as a video.
             if container.format.name == "tty" or container.format.name.endswith("_pipe"):
                 raise InputError("is a text or one image: expected a video", file=path)
             yield container

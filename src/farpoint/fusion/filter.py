@@ -31,7 +31,7 @@ from farpoint.pose import RelativePose
 
 __all__ = ["InertialFilter", "Innovation", "StartSigmas"]
 
-_STEPS_AT_ONCE = 20  # every step's noise has a column of its own in the derivative
+_STEPS_AT_ONCE = 20  # each IMU step adds 6 noise columns to the Jacobian
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,10 +168,11 @@ class InertialFilter:
         self.state, self.covariance = state, covariance
 
     def update(self, pose: RelativePose) -> Innovation:
-        """Update the filter with the motion since the last image, and keep a copy of the attitude.
+        """Update the filter with the motion since the last image, and start the next interval.
 
         The update uses the quantities that the pose contains: rotation and direction, rotation
-        alone, or none.
+        alone, or none. The displacement becomes 0, and the current attitude becomes the attitude at
+        the last image.
         """
         innovation = self._correct(pose)
         self.state = InertialState.at(
@@ -208,7 +209,7 @@ class InertialFilter:
         def error_measured(step: np.ndarray) -> np.ndarray:
             return motion_error(retract(self.state, step), pose, self._body_from_cam)
 
-        # The prior is the unit ball in x: the covariance is singular, its root is not in the way.
+        # For the error root @ x the prior of x is N(0, I): the singular covariance has no inverse.
         root = _square_root(self.covariance)
         white = np.linalg.inv(np.linalg.cholesky(noise))
 
@@ -220,16 +221,16 @@ class InertialFilter:
                 [np.eye(ERROR_SIZE), white @ _derivative(error_measured, root @ x) @ root]
             )
 
-        # Iterated to the most probable state (Bell and Cathey, IEEE TAC 38(2), 1993,
-        # doi:10.1109/9.250476): a direction is linear in the velocity only if the velocity is
-        # known, which it is not at first.
+        # Iterated to the maximum of the posterior (Bell and Cathey, IEEE TAC 38(2), 1993,
+        # doi:10.1109/9.250476), because the direction is far from linear in the velocity while the
+        # velocity is uncertain.
         start: Any = np.zeros(ERROR_SIZE), slope  # SciPy's types know no callable derivative
         best = least_squares(misfit, *start, method="lm")
         dof, nis = len(noise), 2.0 * float(best.cost)
         if nis > chi2_quantile(self._gate, dof):
             return Innovation(dof=dof, nis=nis, used=False)
         step, found = root @ best.x, retract(self.state, root @ best.x)
-        # Errors are relative to the new state, no longer to the predicted one.
+        # The new covariance is that of the error of the new state, not of the predicted state.
         carry = _derivative(lambda steps: difference(retract(self.state, steps), found), step)
         carried = carry @ root
         self.covariance = carried @ np.linalg.inv(best.jac.T @ best.jac) @ carried.T

@@ -17,7 +17,7 @@ from farpoint.regular_files import regular_lines
 
 _LARGEST_BYTES = 1 << 30
 _MOST_ROWS = 8_000_000  # 11 hours at 200 a second
-_LARGEST = 1e12  # of a time in s, a rate or a force; squares of it keep their meaning
+_LARGEST = 1e12  # of a time, s, a rate or a specific force, so that products do not overflow
 
 __all__ = ["ImuNoise", "ImuSamples", "ImuSteps", "read_bag_imu", "read_euroc_imu"]
 

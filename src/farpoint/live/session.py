@@ -37,7 +37,7 @@ __all__ = ["LiveSession", "LiveState"]
 
 _FIRST_S = 10.0  # how long an open source may take to deliver its first picture
 _TICK_S = 0.25  # how long to wait for a frame before looking at the clock again
-_SILENT_S = 1.0  # a source is called silent when it has been for so long
+_SILENT_S = 1.0  # time without a frame after which a source is reported as silent
 
 
 def _discard(words: str) -> None:
@@ -86,7 +86,7 @@ class LiveSession:
         Folder for the outputs; ``farpoint-out/<source name>`` if None.
     odometry, output, viewer : dataclasses, optional
         Options of the odometry, of the outputs and of the display. By default there is no display.
-    hints : sequence of Hint
+    measurements : sequence of AidingMeasurement
         Aiding measurements of length. If any of them is given, the files are converted to metres at
         the end.
     mask_file : Path, optional
@@ -128,10 +128,10 @@ class LiveSession:
         self.counts: Counter[PoseStatus] = Counter()
         output, viewer = output or OutputOptions(), viewer or ViewerOptions()
         self._latency_s = self._longest_latency_s = 0.0
-        self._indices: dict[int, int] = {}  # of the odometry's frames, in the source
-        self._compared_with = 0  # the odometry's frame that the last one was compared with
+        self._indices: dict[int, int] = {}  # index in the source, by index in the odometry
+        self._compared_with = 0  # odometry index of frame 0 of the last pair
         with ExitStack() as opened:
-            # These load while this process does.
+            # The two processes load while this process warms up.
             display = opened.enter_context(start_live_viewer()) if viewer.wanted else None
             video = opened.enter_context(start_video_process()) if output.overlay else None
             rehearse(camera)

@@ -83,7 +83,8 @@ def _umeyama(source: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, float,
         raise InputError(f"expected at least 3 positions, got {len(source)}", field="source")
     x, y = source - source.mean(axis=0), target - target.mean(axis=0)
     U, D, Vt = np.linalg.svd(y.T @ x / len(x))
-    # Two directions must stand out of the rounding, else the rotation about the line is arbitrary.
+    # The second singular value must exceed rounding errors; otherwise the points lie on a line, and
+    # the rotation about this line is arbitrary.
     if not D[1] > 1e-12 * max(D[0], np.finfo(float).tiny):
         raise InputError("positions lie on one line: no unique alignment", field="source, target")
     S = np.array([1.0, 1.0, np.sign(np.linalg.det(U) * np.linalg.det(Vt))])

@@ -124,7 +124,7 @@ class TrajectoryEvaluation:
         Relative pose errors after the Sim(3) alignment; rotations in rad.
     segments : tuple of SegmentFigures
         KITTI's segment errors after the Sim(3) alignment, first for each length, then for all
-        lengths together. Empty if the path is shorter than 100.
+        lengths together. Empty if the true path is shorter than 100 units of the truth.
     """
 
     poses: int

@@ -255,9 +255,10 @@ def _full_difference(a: RelativePose, b: RelativePose) -> tuple[np.ndarray, np.n
     dbeta = direction_error(direction_a[None], basis_a[None], direction_b[None])[0]
     along = float(direction_a @ direction_b)
     if along <= 0.0:
-        # Opposite hemispheres: an infinite difference, whatever the covariances say.
+        # Opposite hemispheres: dbeta is infinite, so the covariance has no effect.
         return np.concatenate([_rotation_difference(a, b), dbeta]), covariance_a + covariance_b
-    # Derivative of the central projection on a's tangent plane, by b's own tangent coordinates.
+    # projection @ basis_b: Jacobian of the central projection on the tangent plane of a, with
+    # respect to the dbeta of b.
     projection = (basis_a.T - np.outer(dbeta, direction_a)) / along
     carry = np.eye(5)
     carry[3:, 3:] = projection @ basis_b

@@ -12,12 +12,10 @@ __all__ = ["OtherFrame", "fits_better", "other_frame"]
 
 _LEAST_MOTIONS = 10
 _LEAST_TURN_RAD = np.deg2rad(5.0)
-"""Smallest rotation of the axes that counts as another frame; smaller rotations are taken as
-calibration errors (convention)."""
+"""Smallest rotation that counts as other axes; below it is a calibration error (convention)."""
 
 _GAIN = 0.1
-"""Largest ratio of the squared misfit with the rotation to the squared misfit without the rotation.
-For noise the ratio is near 1."""
+"""Largest ratio of squared misfits with and without the rotation; noise gives nearly 1."""
 
 
 class OtherFrame(NamedTuple):

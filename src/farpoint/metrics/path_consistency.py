@@ -19,7 +19,9 @@ from farpoint.metrics.statistics import Consistency, chi2_quantile, consistency
 
 __all__ = ["PathConsistency", "PathFigure", "PathSamples", "evaluate_path"]
 
-_SINGULAR = 1e-9  # least eigenvalue of the correlations: the gauge itself has no error
+# Smallest eigenvalue of a correlation matrix at which a covariance counts as singular: a pose that
+# the gauge fixes has no error, and is not compared.
+_SINGULAR = 1e-9
 _LEAST_RELATIVE_SIGMA = 1e-50
 
 
@@ -181,7 +183,8 @@ def _segments(samples: PathSamples) -> Iterator[_Segment]:
     s = samples
     for number in np.unique(s.segments):
         rows = np.flatnonzero(s.segments == number)
-        # A segment begins where its covariance is 0: at its first row, or at the one before.
+        # The pose at the beginning of a segment has covariance 0: it is in the first row of the
+        # segment, or else in the row before.
         begins = rows[0] if not np.any(s.covariances[rows[0], :6, :6]) else max(rows[0] - 1, 0)
         segment = _segment(samples, int(begins), rows[rows > begins])
         if segment is not None:
@@ -201,7 +204,8 @@ def _segment(samples: PathSamples, begins: int, rows: np.ndarray) -> _Segment | 
     unit_is_given = bool(s.covariances[rows[np.argmax(moved)], 6, 6] > 0.0)
     unit = 1.0
     if not unit_is_given:
-        # Mostly the first given length; if it has an error, the best-known one.
+        # The first displacement whose scale has no error, or else the displacement with the
+        # smallest relative error.
         exact = moved & (s.lengths[rows] > 0.0) & (s.covariances[rows, 6, 6] == 0.0)
         best = _best_known(ways, s.covariances[rows, 3:6, 3:6])
         row = int(np.argmax(exact)) if exact.any() else best
@@ -231,7 +235,7 @@ def _best_known(ways: np.ndarray, covariances: np.ndarray) -> int:
     """Row of the displacement (N, 3) with the smallest relative error, which gives the unit."""
     square = np.sum(ways**2, axis=1)
     variance = np.einsum("ni,nij,nj->n", ways, covariances, ways)
-    # Positions without a covariance, as before the camera moved, are noise.
+    # A displacement with covariance 0, as before the camera moved, gives no unit.
     stated = (square > 0.0) & covariances.any(axis=(1, 2))
     relative = np.divide(variance, square**2, out=np.full(len(ways), np.inf), where=stated)
     return int(np.argmin(relative))
@@ -245,7 +249,7 @@ def _length_errors(
     rows = rows[s.length_sigmas[rows] > _LEAST_RELATIVE_SIGMA * s.lengths[rows]]
     steps = s.truth[rows, :3, 3] - s.truth[s.length_from[rows], :3, 3]
     true = np.linalg.norm(steps, axis=1) / unit
-    # No true length, or none of the estimate: an infinite error, outside every region.
+    # A true length of 0, or a ratio that overflows, is an infinite error, outside every region.
     with np.errstate(divide="ignore", over="ignore"):
         errors = np.log(true / s.lengths[rows])
     return errors, (s.length_sigmas[rows] / s.lengths[rows]) ** 2
@@ -270,7 +274,7 @@ def _nees_any_scale(ways: np.ndarray, true_ways: np.ndarray, covariances: np.nda
     by_way = np.linalg.solve(C, ways[..., None])[..., 0]
     by_true = np.linalg.solve(C, true_ways[..., None])[..., 0]
     cross, square = np.sum(true_ways * by_way, axis=1), np.sum(true_ways * by_true, axis=1)
-    moved = square > 0.0  # else no scale brings a true way nearer
+    moved = square > 0.0  # a true displacement of 0 is 0 at every scale
     fitted = np.divide(cross**2, square, out=np.zeros_like(cross), where=moved)
     return np.sum(ways * by_way, axis=1) - fitted
 

@@ -1,9 +1,10 @@
-"""Errors of length and rotation of stretches of a path, against their covariances.
+"""Errors of stretches of a path, in length and in rotation, compared with their covariances.
 
-Each pose has the covariance of its error since the beginning of the segment. The error of a stretch
-is the error that is added between the two ends of the stretch. Let ``x = [dtheta, rho,
-dlog_scale]`` with ``dp = dtheta x p + p dlog_scale + rho`` be the error of a pose as a perturbation
-of the whole world. An error that later poses inherit has the same ``x`` at all these poses, so the
+A stretch is the part of a path between two poses of one segment. Each pose has the covariance of
+its error since the beginning of the segment. The error of a stretch is the error that is added
+between the two ends of the stretch. Let ``x = [dtheta, rho, dlog_scale]`` be the error of a pose as
+a perturbation of the whole world, which moves a position ``p`` by ``dp = dtheta x p + p dlog_scale
++ rho``. An error that later poses inherit has the same ``x`` at all these poses, so the
 covariance ``W_t`` of the inherited error grows with each motion. A pose that is located
 independently has an additional error of its own, with the covariance ``N_t``. The covariance of a
 pose is then ``C_t = W_t + N_t``. If ``N`` is not given, ``N`` is estimated from the decrease of
@@ -39,8 +40,8 @@ STRETCH_SHARES = (0.01, 0.05, 0.1, 0.2)
 """Lengths of the stretches, as shares of the length of the path."""
 
 _LEVEL = 0.95
-_LEAST_TURN_SIGMA = 1e-9  # rad, added: rounding
-_ROUNDING = 1e-9  # relative, of lengths
+_LEAST_TURN_SIGMA = 1e-9  # rad; rounding error of rotations, added to their covariances
+_ROUNDING = 1e-9  # relative rounding error of lengths
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,7 +174,10 @@ def _squares(part: _Part, first: np.ndarray, last: np.ndarray) -> tuple[np.ndarr
 
 
 def _turn_squares(part: _Part, first: np.ndarray, last: np.ndarray) -> np.ndarray:
-    """Normalised squares of ``dtheta_1 - dtheta_0 = R0 Log((R*0^T R*1) (R0^T R1)^T)``."""
+    """Normalised squares of ``dtheta_1 - dtheta_0 = R0 Log((R*0^T R*1) (R0^T R1)^T)``.
+
+    ``R*`` are the true rotations.
+    """
     between, true_between = (
         np.swapaxes(R[first], 1, 2) @ R[last] for R in (part.rotations, part.true_rotations)
     )
@@ -187,7 +191,7 @@ def _turn_squares(part: _Part, first: np.ndarray, last: np.ndarray) -> np.ndarra
 def _length_squares(part: _Part, first: np.ndarray, last: np.ndarray) -> np.ndarray:
     """Normalised squares of the errors ``s |p*1 - p*0| - |p1 - p0|``.
 
-    The scale ``s`` makes the sum of these errors zero.
+    ``p*`` are the true positions. The scale ``s`` makes the sum of these errors zero.
     """
     ways, true_ways = part.p[last] - part.p[first], part.true_p[last] - part.true_p[first]
     lengths, true_lengths = np.linalg.norm(ways, axis=1), np.linalg.norm(true_ways, axis=1)
@@ -195,7 +199,7 @@ def _length_squares(part: _Part, first: np.ndarray, last: np.ndarray) -> np.ndar
     if not (total > 0.0 and true_total > 0.0):  # nothing moved
         return np.empty(0)
     errors = total / true_total * true_lengths - lengths
-    # Of the change of each length by x of its ends, and by those of all lengths, their sum's.
+    # Derivatives of each length by x of its two ends, and of the sum of all lengths by every x.
     axis = ways / np.maximum(lengths, 1e-300)[:, None]
     by_first, by_last = (_by_pose(part.p[row], axis) for row in (first, last))
     by_sum = np.zeros((len(part.along), 7))

@@ -30,7 +30,7 @@ KITTI_LENGTHS_M = (100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0, 800.0)
 """Segment lengths of the KITTI odometry benchmark."""
 
 KITTI_STEP_FRAMES = 10
-"""Frames between the starts of KITTI's segments: one start per second."""
+"""Frames between the starts of KITTI's segments: one start per second at 10 frames a second."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -154,7 +154,8 @@ def scale_drift(estimate: np.ndarray, truth: np.ndarray) -> float:
     """
     _check(estimate, truth)
     along, made = _travelled(truth), _travelled(estimate)
-    # The lengths that the estimate gives to fifths of the true path, ends between poses included.
+    # Lengths of the estimate over the first and the last 20 % of the true path, with interpolation
+    # between poses.
     rises = np.concatenate([[True], np.diff(along) > 0.0])
     begin, end = (
         float(np.diff(np.interp(np.array(part) * along[-1], along[rises], made[rises]))[0])

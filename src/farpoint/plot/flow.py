@@ -26,7 +26,7 @@ class _Style(NamedTuple):
     marker: str
 
 
-# Red and green as in the paper; the shapes differ too.
+# Red and green as in Burschka and Mair (2008). The markers differ, too.
 _STYLES = (
     _Style(TrackLabel.OUTLIER, "outlier", "0.6", "x"),
     _Style(TrackLabel.FAR, "far", "#e5352b", "o"),
@@ -94,14 +94,14 @@ def flow(
     title = None if pose.heading_cam0 is not None else f"{pose.status.value}: no direction"
     if title is None:
         epipole(pose, camera, ax=ax)
-    # Above the picture: every corner of it may hold points.
+    # Above the picture, because points may be in every corner of the picture.
     ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False, title=title)
     return ax
 
 
 def _draw_matches(ax: Axes, tails: np.ndarray, heads: np.ndarray, style: _Style) -> None:
     ends = np.stack([tails, heads], axis=1)
-    # One line for all of them, broken by NaN: much faster than a line each.
+    # One line for all matches, interrupted by NaN, which is much faster than one line per match.
     broken = np.concatenate([ends, np.full((len(ends), 1, 2), np.nan)], axis=1)
     ax.plot(*broken.reshape(-1, 2).T, color=style.colour, linewidth=1.0)
     ax.plot(

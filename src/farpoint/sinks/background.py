@@ -18,7 +18,7 @@ WAITING = 8
 """Length of the queue, in frames: smooths the frame rate with little memory."""
 
 _Step = Callable[[], object]
-_NOTES = 1000  # small things beside the frames; so many wait only for a sink that hangs
+_NOTES = 1000  # length of the queue above which small calls are left out: the sink hangs
 
 
 class BackgroundSink:
@@ -36,12 +36,12 @@ class BackgroundSink:
 
     def __init__(self, sink: Sink) -> None:
         self._sink = sink
-        # The bound is a semaphore of its own, so that closing never waits for room.
+        # A semaphore limits the queued frames, so that `note` and `close` never wait for room.
         self._steps: SimpleQueue[tuple[_Step, _Step] | None] = SimpleQueue()
         self._free_slots = threading.Semaphore(WAITING)
         self._problem: BaseException | None = None
         self._failed = self._closed = False
-        # A program that forgets to close its sinks ends nevertheless.
+        # A daemon, so that a program that does not close its sinks can end.
         self._thread = threading.Thread(target=self._work, name="farpoint-sink", daemon=True)
         self._thread.start()
 
@@ -64,9 +64,7 @@ class BackgroundSink:
         self._raise_problem()
 
     def close(self) -> None:
-        """Wait until everything is written and the other sink is closed. A second call does
-        nothing.
-        """
+        """Wait until all is written and the other sink is closed; a second call does nothing."""
         if not self._closed:
             self._closed = True
             self._steps.put(None)
@@ -80,7 +78,7 @@ class BackgroundSink:
     def _work(self) -> None:
         while (waiting := self._steps.get()) is not None:
             step, afterwards = waiting
-            if not self._failed:  # a broken sink gets no more frames, and nothing waits for it
+            if not self._failed:  # after an error, queued frames are discarded
                 self._attempt(step)
             afterwards()
         self._attempt(self._sink.close)

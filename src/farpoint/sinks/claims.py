@@ -12,7 +12,7 @@ import numpy as np
 __all__ = ["check_covariance", "check_size", "is_index"]
 
 _LARGEST, _LEAST_VARIANCE = 1e100, 1e-100
-_MOST = 2**53  # largest range of whole numbers in a float
+_MOST = 2**53  # a float represents all whole numbers below this one
 
 
 def is_index(number: float) -> bool:

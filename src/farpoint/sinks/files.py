@@ -139,12 +139,12 @@ def text_output(path: Path, part: Path) -> Iterator[Callable[[str], None]]:
     try:
         with part.open("w", encoding="utf-8", newline="\n") as file:
             yield write
-    except OSError as error:  # a full disk may be met only when the file is closed
+    except OSError as error:  # a full disk may be reported only when the file is closed
         raise unwritable(path, error) from error
 
 
 def check_writable(path: Path) -> None:
-    """Raise an InputError if a file cannot be written; creates no file."""
+    """Raise an InputError if a file cannot be written; a missing file stays missing."""
     there = path.exists()
     try:
         path.open("ab").close()

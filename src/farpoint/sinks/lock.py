@@ -65,13 +65,13 @@ class FolderLock:
         """Unlock, and remove the lock file and an empty folder. A second call does nothing."""
         if self._file.closed:
             return
-        if sys.platform == "win32":  # which removes no open file
+        if sys.platform == "win32":  # cannot remove an open file
             self._file.close()
         with contextlib.suppress(OSError):
             self._path.unlink()
             if self._made:
-                self._path.parent.rmdir()  # refused by the system where a file is in it
-        # Closed last: after it, the file at this path may be the lock of another run.
+                self._path.parent.rmdir()  # fails if the folder is not empty
+        # Closed last: after the unlock, the file at this path may be the lock of another run.
         self._file.close()
 
     def __enter__(self) -> Self:
@@ -100,7 +100,7 @@ class FolderLock:
                 return file
             if self._is_at_path(file):
                 return file
-            file.close()  # the run before has just removed it: another one may hold a new file
+            file.close()  # the previous run has just removed it; the path may have a new file
 
     def _is_at_path(self, file: BinaryIO) -> bool:
         if sys.platform == "win32":  # an open file stays at its path

@@ -20,16 +20,15 @@ NO_READING = (
 
 
 class MetricSink:
-    """Sink that compares results with aiding measurements, and finally converts text files to
-    metres.
+    """Sink that compares results with aiding measurements, to convert the text files to metres.
 
     Parameters
     ----------
-    hints : list of Hint
+    measurements : list of AidingMeasurement
         Aiding measurements of length.
     camera : Camera
         Camera of the frames.
-    say : callable
+    warn : callable
         Called with the text of each warning, such as contradictory aiding measurements.
     put : callable
         Called with a key and a value for ``run.json``.

@@ -33,10 +33,10 @@ def put_in_metres(folder: Path, fit: MetricFit) -> None:
     InputError
         If a file cannot be read or written.
     """
-    segments: dict[int, int] = {}  # of the frames: motions.csv does not name them
+    segments: dict[int, int] = {}  # by frame; motions.csv has no column of segments
     names = ("positions.csv", "trajectory.tum", "trajectory.kitti", "motions.csv")
     paths = [folder / name for name in names]
-    with ExitStack() as parts:  # all of them are complete before the first takes its place
+    with ExitStack() as parts:  # all new files are complete before the first is renamed
         new = [parts.enter_context(replacing(path)) for path in paths]
         with ExitStack() as opened:
             positions, tum, kitti, motions = (
@@ -77,7 +77,7 @@ def metric_covariance(
     stretch[3:6] = factor
     metric = covariance * np.outer(stretch, stretch)
     along = np.concatenate([np.zeros(3), position, [1.0]])
-    metric[6, :] = metric[:, 6] = 0.0  # the scale is measured
+    metric[6, :] = metric[:, 6] = 0.0  # the metric scale replaces the scale of the path
     return metric + sigma**2 * np.outer(along, along)
 
 

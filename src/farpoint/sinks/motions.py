@@ -208,7 +208,7 @@ def _covariance_in_standard_basis(pose: RelativePose) -> np.ndarray:
     assert pose.direction_cam1_from_cam0 is not None
     standard = tangent_basis(pose.direction_cam1_from_cam0)
     if np.array_equal(standard, basis):
-        return covariance  # not through a product, which would cost its last bits
+        return covariance  # unchanged; a product would change the last bits
     turn = np.eye(5)
     turn[3:, 3:] = standard.T @ basis
     return turn @ covariance @ turn.T
@@ -266,7 +266,7 @@ def _parsed(cells: list[str], path: Path, line: int) -> tuple[PoseStatus, list[f
         raise fault(str(error)) from error
     for first, last in (("qx", "qw"), ("dx", "dz")):
         norm = math.hypot(*numbers[_INDEX[first] : _INDEX[last] + 1])
-        if abs(norm - 1.0) > _UNIT_TOLERANCE:  # a NaN norm, which is no number at all, passes
+        if abs(norm - 1.0) > _UNIT_TOLERANCE:  # False for NaN: a missing vector is allowed
             raise fault(f"expected a unit vector, got one of norm {norm:.4g}", f"{first}..{last}")
     return status, numbers
 

@@ -163,7 +163,7 @@ class OutputFolder:
         self._sinks: dict[str, Sink] = {}
         self._path_files: dict[str, PathFile] = {}
         self._halves: HalvesFile | None = None
-        with ExitStack() as opened:  # closes what is open already if a later one cannot be
+        with ExitStack() as opened:  # if a file cannot be opened, the files before are closed
             self._sinks["motions"] = MotionsFile(self.path / _MOTIONS_NAME)
             opened.callback(self._sinks["motions"].close)
             for name, (kind, file) in _PATH_FILES.items():
@@ -341,7 +341,7 @@ def _with_problems(
 ) -> tuple[RunState, str | None]:
     """State and message of a run, changed by errors of outputs that could not be finished.
 
-    Ctrl-C does not interrupt this function.
+    A KeyboardInterrupt among ``problems`` changes neither the state nor the message.
     """
     problem = next((problem for problem in problems if isinstance(problem, Exception)), None)
     if problem is None or error is not None:

@@ -14,11 +14,11 @@ __all__ = ["plain"]
 
 
 def plain(value: object) -> Any:
-    """Plain values for JSON: dataclasses and mappings as dicts, enums as values, arrays as lists,
-    other objects as text.
+    """Convert an object to plain values for JSON.
 
-    JSON has no infinity and no NaN; these numbers become the words ``"inf"``, ``"-inf"`` and
-    ``"nan"``.
+    Dataclasses and mappings become dicts, enums become their values, arrays become lists, and other
+    objects become text. JSON has no infinity and no NaN; these numbers become the words ``"inf"``,
+    ``"-inf"`` and ``"nan"``.
     """
     if is_dataclass(value) and not isinstance(value, type):
         return {field.name: plain(getattr(value, field.name)) for field in fields(value)}

@@ -133,9 +133,7 @@ def read_positions(path: str | Path) -> Positions:
 
 
 def iter_positions(path: str | Path) -> Iterator[Positions]:
-    """Read a ``positions.csv`` in parts of some thousand rows, so that memory does not grow with
-    the file.
-    """
+    """Read a ``positions.csv`` in parts of some thousand rows, with bounded memory."""
     path = Path(path)
     return (_columns(part, path) for part in _parts(_rows(path)))
 

@@ -18,7 +18,8 @@ from farpoint.sinks.sink import Sink
 
 __all__ = ["SinkProcess", "start_process", "wait_until_loaded"]
 
-# One thread each, unless the user's environment sets it: the cores are for estimation.
+# One thread for each library, unless the user's environment sets another number, because the
+# estimation needs the cores.
 _FEW_THREADS = {
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
@@ -60,7 +61,7 @@ class SinkProcess:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._calls, self._answers = self._process.stdin, self._process.stdout
-        self._outstanding = 2  # answers to come: that it is loaded, and that the sink is made
+        self._outstanding = 2  # answers to wait for: modules are loaded, sink is made
         self._lost = self._closed = False
         self._send(make)
 
@@ -82,10 +83,10 @@ class SinkProcess:
         try:
             if not self._lost:
                 self._wait_until_open()
-                self._calls.close()  # the end of the calls, over there
+                self._calls.close()  # the other process reads the end of the calls
                 self._receive()
         finally:
-            with contextlib.suppress(OSError):  # what was left in it reaches nobody
+            with contextlib.suppress(OSError):  # buffered calls that nobody reads are lost
                 self._calls.close()
             self._answers.close()
             self._process.wait()
@@ -113,7 +114,7 @@ class SinkProcess:
 
     def _loss(self) -> ChildProcessError:
         self._lost = True
-        self._process.kill()  # where it lives, but cannot be understood
+        self._process.kill()  # it may still run and have sent an invalid answer
         code = self._process.wait()
         return ChildProcessError(
             f"{self._output}: the process that draws it has ended early (exit code {code})"
@@ -132,8 +133,8 @@ def start_process(*modules: str, niceness: int = 5, **environment: str) -> subpr
     **environment : str
         Environment variables of the process, except variables that the user has set.
     """
-    # Modules are found where this interpreter finds them. Its __main__ is not loaded again, so
-    # that scripts need no guard around what they do.
+    # The process has the module path of this interpreter. The process does not import __main__, so
+    # scripts need no guard `if __name__ == "__main__"`.
     path = os.pathsep.join(place or str(Path.cwd()) for place in sys.path)
     command = [sys.executable, "-P", "-m", "farpoint.sinks.process_main", *modules]
     environment = {**_FEW_THREADS, **environment, **os.environ, "PYTHONPATH": path}
@@ -143,8 +144,8 @@ def start_process(*modules: str, niceness: int = 5, **environment: str) -> subpr
         return subprocess.Popen(
             command, stdin=pipe, stdout=pipe, env=environment, creationflags=flags
         )
-    # A group of its own, which Ctrl-C spares, but not a session: Linux shares its cores out to
-    # sessions first, and niceness counts only within one.
+    # A separate process group, which Ctrl-C does not reach, but no separate session: Linux divides
+    # the cores among sessions first, and niceness counts only within a session.
     process = subprocess.Popen(command, stdin=pipe, stdout=pipe, env=environment, process_group=0)
     now = os.getpriority(os.PRIO_PROCESS, process.pid)
     os.setpriority(os.PRIO_PROCESS, process.pid, now + niceness)
@@ -155,4 +156,4 @@ def wait_until_loaded(process: subprocess.Popen[bytes]) -> None:
     """Wait until a process that was started beforehand has loaded its modules, or has ended."""
     reader = process.stdout
     assert isinstance(reader, io.BufferedReader)
-    reader.peek(1)  # its first answer, which stays to be read
+    reader.peek(1)  # waits for the first answer and leaves it in the buffer

@@ -1,4 +1,4 @@
-"""Program of the process of a sink: ``python -m farpoint.sinks.process_main [MODULE ...]``.
+"""Program of a process with a sink: ``python -m farpoint.sinks.process_main [MODULE ...]``.
 
 Messages are pickled. The first message makes the sink; every other message is a method and its
 arguments. The answer to each message is None or an error. One more answer is sent before the first
@@ -29,22 +29,22 @@ def main() -> NoReturn:
     _end_with_messages_only()
     messages, answers = _pipes()
     for module in sys.argv[1:]:
-        with contextlib.suppress(ImportError):  # reported where it is needed, in better words
+        with contextlib.suppress(ImportError):  # the sink itself reports a missing library
             importlib.import_module(module)
-    _answer(answers, None)  # all is loaded
+    _answer(answers, None)  # the modules are loaded
     worker = _Worker()
     while (step := _next(messages)) is not None:
         _answer(answers, _attempt(partial(worker.handle, step)))
-        del step  # an image that need not wait for the next one
+        del step  # frees the image before the wait for the next message
     _answer(answers, _attempt(worker.close))
-    # All is closed. The sink is not taken apart: a library that could not write would wait.
+    # The sink is closed. No destructors run: a library that could not write would wait in them.
     os._exit(0)
 
 
 def _end_with_messages_only() -> None:
     """Ignore signals to the process group; the sender of the messages handles such signals."""
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
-        if hasattr(signal, name):  # Windows lacks the last
+        if hasattr(signal, name):  # Windows has no SIGHUP
             signal.signal(getattr(signal, name), signal.SIG_IGN)
 
 
@@ -62,7 +62,7 @@ class _Worker:
             self._sink = message()
 
     def close(self) -> None:
-        if self._sink is not None:  # it could be made
+        if self._sink is not None:  # None if making it has failed
             self._sink.close()
 
 
@@ -103,7 +103,7 @@ def _portable(error: BaseException) -> BaseException:
 
 
 def _answer(answers: BinaryIO, problem: BaseException | None) -> None:
-    with contextlib.suppress(OSError):  # nobody waits for it any more
+    with contextlib.suppress(OSError):  # the reader has ended
         answers.write(pickle.dumps(problem, protocol=5))
         answers.flush()
 

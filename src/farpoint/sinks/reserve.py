@@ -38,7 +38,7 @@ class Reserve:
             self._reserve.write_bytes(os.urandom(_BYTES))
         except OSError as error:
             self.release()
-            if error.errno != errno.EFBIG:  # a limit of each file's size is not one of the disk
+            if error.errno != errno.EFBIG:  # a limit of file sizes, not of the disk
                 raise unwritable(path, error) from error
 
     def replace(self, text: str) -> bool:

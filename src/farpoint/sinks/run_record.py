@@ -30,8 +30,8 @@ WALL_CLOCK = "wall_clock"
 """The one key whose contents differ from run to run."""
 
 _LIBRARIES = ("numpy", "scipy", "numba", "cv2", "av")
-_UPDATE_S = 1.0  # between two updates of the file while the run goes on
-_MAX_REASONS = 100  # kept of each status other than OK: a bound on memory, not on counts
+_UPDATE_S = 1.0  # least time between two updates of the file during the run
+_MAX_REASONS = 100  # reasons stored for each status other than OK; the counts have no limit
 
 
 class RunState(Enum):

@@ -18,8 +18,9 @@ def cramer_rao_bound(scene: PointScene) -> np.ndarray:
     large the noise is. The unknowns are the pose and the three coordinates of every scene point.
     The rotation is perturbed on the left, and the direction in its tangent plane
     ``sphere.tangent_basis(direction)``. Every point is seen in two images with normal noise. The
-    points are eliminated by the Schur complement. A is the Jacobian of the pixel in image 1 by the
-    pose. U and V are the Jacobians by the point of the pixels in image 1 and image 0::
+    points are eliminated by the Schur complement. A is the Jacobian of the pixel in image 1 with
+    respect to the pose. U and V are the Jacobians of the pixels in image 1 and image 0 with respect
+    to the point::
 
         information = sum A.T (I - U (U.T U + V.T V)^-1 U.T) A / noise^2
 

@@ -122,7 +122,7 @@ class SimulatedImu:
         )
 
     def true_state(self, path: InertialPath, step: int) -> InertialState:
-        """The true state at the beginning of a step, as a filter has it at an image."""
+        """The true state at the beginning of a step, as the state of a filter at an image."""
         time_s = float(self.times_s[step])
         return InertialState.at(
             path.pose(time_s)[:3, :3],

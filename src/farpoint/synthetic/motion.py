@@ -39,7 +39,8 @@ class SmoothMotion:
             raise InputError("expected rising times", field="path")
         self._only = path.world_from_body[0] if len(times) == 1 else None
         if self._only is None:
-            # From the first time on: times since 1970 leave few digits to a row's delay.
+            # Relative to the first time: a float of seconds since 1970 is too coarse for the delay
+            # of a row.
             self._start_s = times[0]
             since = times - times[0]
             self._position = CubicSpline(since, path.world_from_body[:, :3, 3])
@@ -47,7 +48,7 @@ class SmoothMotion:
             self._attitude = RotationSpline(since, turns)
 
     def poses(self, times_s: np.ndarray) -> np.ndarray:
-        """``world_from_cam`` (N, 4, 4) at times (N,), s, which may slightly exceed the path."""
+        """``world_from_cam`` (N, 4, 4) at times (N,), s; times beyond the path are extrapolated."""
         poses = np.tile(np.eye(4), (len(times_s), 1, 1))
         if self._only is not None:
             poses[:] = self._only

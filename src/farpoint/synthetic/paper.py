@@ -29,7 +29,8 @@ def paper_example(*, noise_px: float = PAPER_NOISE_PX, outliers: int = 0) -> Poi
 
     The paper writes ``P' = R_p.T P - T_p`` with T_p = (0.3, 0.2, 0.4) m and
     ``R_p = Rz(5 deg) Ry(2 deg) Rx(10 deg)``, so ``R_cam1_from_cam0 = R_p.T`` and the translation is
-    -T_p. After derotation by the true rotation the epipole lies along R_p T_p = (0.724, 0.370, 1).
+    -T_p. After derotation by the true rotation the epipole is at ``x / z``, ``y / z`` of R_p T_p,
+    which are (0.724, 0.370).
     """
     R_p = Rotation.from_euler("ZYX", (5.0, 2.0, 10.0), degrees=True)
     x, y, z = R_p.inv().as_rotvec()

@@ -1,5 +1,4 @@
-"""Camera paths through the street: a drive with turns, recorded motions, and simple motions for
-tests.
+"""Camera paths through the street: a drive with turns, recorded motions, and simple motions.
 
 Poses are ``world_from_cam`` in the world of `farpoint.synthetic.street`: x right, y down, z
 forward, the ground at y = 0. The same arguments give the same poses, bit for bit.
@@ -33,20 +32,21 @@ __all__ = [
 ]
 
 CAMERA_HEIGHT_M = 1.65
-_START_M = 14.0  # along the first street
+_START_M = 14.0  # z of the first position of a drive
 START = np.array([LANE_M, -CAMERA_HEIGHT_M, _START_M])
-_BETWEEN_M = 20.0  # mean position of a recorded motion
+_BETWEEN_M = 20.0  # mean z of the positions of a recorded motion
 _LEAST_HEIGHT_M = 1.0
 # From x ahead, y left and z up to x right, y down and z ahead.
 _CAMERA_FROM_BODY = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
-_STEP_M = 0.05  # of the table of the route
+_STEP_M = 0.05  # spacing of the samples of a route
 _SPEED = 9.0  # m/s on straight streets
 _LATERAL_ACCELERATION = 2.2  # m/s^2 allowed in turns
-_BRAKING_M = 6.0  # sigma of the smoothing of the speed
+_BRAKING_M = 6.0  # length of the minimum filter, and sigma of the Gaussian filter, of the speed
+# Distance from the start of a right (1) or left (-1) turn to the intersection of the two lanes.
 _REACH_M = {
     1: 9.0,
     -1: 13.0,
-}  # from the corner of the lanes back to where a right, left turn begins
+}
 
 
 def street_drive(frames: int, fps: float = 10.0, seed: int = 0) -> Trajectory:
@@ -194,17 +194,18 @@ def trajectory_of(times: np.ndarray, position: np.ndarray, turns: np.ndarray) ->
 
 
 def _headings(rng: np.random.Generator, length_m: float) -> np.ndarray:
-    """Heading, rad to the right of z, at every step of a route of at least ``length_m``."""
+    """Headings (N,), rad to the right of z, every `_STEP_M` along ``length_m`` of a route."""
     unit = np.linspace(0.0, 1.0, 2001)
     ease = unit**3 * (10.0 - 15.0 * unit + 6.0 * unit**2)
-    # A turn of length 1 that eases in and out advances this far along either street.
+    # Distance by which a turn of arc length 1 advances along each of the two streets.
     advance = np.trapezoid(np.cos(0.5 * math.pi * ease), unit)
     marks, values = [0.0], [0.0]
     place, heading, behind = 0.0, 0.0, _START_M
     while place < length_m:
         turn = int(rng.choice([-1, 1]))
         reach, turn_m = _REACH_M[turn], _REACH_M[turn] / advance
-        # The lanes meet beside the middle of the crossing: before it for a right turn.
+        # The two lanes intersect LANE_M before (right turn) or after (left turn) the middle of the
+        # crossing.
         straight = BLOCK_M * int(rng.integers(1, 4)) - turn * LANE_M - behind - reach
         place += straight
         marks.extend(place + turn_m * unit)
@@ -218,7 +219,7 @@ def _headings(rng: np.random.Generator, length_m: float) -> np.ndarray:
 def _speeds(curvature: np.ndarray, along: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Speed, m/s, at every step of the route. The speed is lower in turns and varies slightly."""
     allowed = np.sqrt(_LATERAL_ACCELERATION / np.maximum(np.abs(curvature), 1e-6))
-    # Slow already when the turn begins, and until it ends.
+    # The speed of a turn also applies _BRAKING_M / 2 before and after the turn.
     slowest = minimum_filter1d(np.minimum(_SPEED, allowed), int(_BRAKING_M / _STEP_M))
     speed = gaussian_filter1d(slowest, _BRAKING_M / _STEP_M, mode="nearest")
     for wave_m, share in ((61.0, 0.12), (23.0, 0.05)):

@@ -18,17 +18,16 @@ __all__ = ["OutlierKind", "PointScene", "PointSceneOptions", "make_point_scene"]
 
 _BATCH = 4096
 _BATCHES = 50
-_MARGIN_SIGMA = 5.0  # noise does not push a point that is seen out of the image
+_MARGIN_SIGMA = 5.0  # distance of true pixels from the border: noise moves none out of the image
 
 
 class OutlierKind(Enum):
     """Distribution of the outliers."""
 
     UNIFORM = "uniform"
-    """Outliers lie anywhere in the second image."""
+    """Outliers lie anywhere in image 1."""
     EPIPOLAR = "epipolar"
-    """Outliers lie anywhere on the epipolar line of the first point, so no epipolar test can
-    detect them."""
+    """Outliers lie anywhere on the epipolar line in image 1: no epipolar test can detect them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -220,7 +219,7 @@ def _draw_true(
         pixels0 = _uniform_pixels(options, rng)
         rays0 = options.camera.unproject(pixels0)
         depths = rng.uniform(*range_m, _BATCH) if math.isfinite(range_m[1]) else _INFINITE
-        # Divided by the depth, points at infinity are ordinary ones.
+        # Divided by the depth, so that points at infinity need no special case.
         rays1 = rays0 @ R.T + np.array(options.translation_m) / depths[:, None]
         return pixels0, options.camera.project(rays1), rays0, depths
 

@@ -22,8 +22,8 @@ from farpoint.trajectory.files import Trajectory, write_tum
 
 __all__ = ["RenderedSequence", "RenderedView", "render_drive"]
 
-_HIDDEN = 1e-4  # a point is hidden when something stands nearer by this share of its distance
-_ROW_STEPS = 5  # until the row in which a point is seen no longer changes
+_HIDDEN = 1e-4  # a point is hidden if the ray meets a surface nearer by this share of the distance
+_ROW_STEPS = 5  # fixed-point iterations for the row in which a point is seen
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -132,7 +132,7 @@ class RenderedSequence:
         delays = self._imaging.exposure_delays_s
         total, depth = np.zeros(shape, np.float32), np.empty(shape)
         radiance, surfaces = np.empty(shape, np.float32), np.empty(shape, np.int64)
-        # From the outside in: the middle of the exposure comes last, and leaves its depth.
+        # The middle of the exposure comes last, so that its depth remains.
         for delay in sorted(delays, key=abs, reverse=True):
             poses = self._poses(index, np.arange(shape[0]), delay)
             render(self._scene, poses, self._rays, self._steps, radiance, depth, surfaces)
@@ -190,7 +190,7 @@ class RenderedSequence:
         write_tum(path, truth)
 
     def _poses(self, index: int, rows: np.ndarray, delay_s: float = 0.0) -> np.ndarray:
-        """Poses (N, 4, 4) of the camera when rows (N,) of a frame are read, or after a delay."""
+        """Poses (N, 4, 4) of the camera at the read-out times of ``rows`` (N,) plus ``delay_s``."""
         if self._motion is None:
             return np.tile(self.world_from_cam[index], (len(rows), 1, 1))
         delays = self._imaging.row_delays_s(rows, self._rays.shape[0]) + delay_s

@@ -32,14 +32,15 @@ BLOCK_CELLS = 4
 BLOCK_M = CELL_M * BLOCK_CELLS
 ROAD_M = 8.0
 LANE_M = 1.9
-"""From the middle of the street to the middle of the lane on the right."""
+"""Distance from the middle of the street to the middle of the lane on the right."""
 
-_REACH_M = 150.0  # from the path: houses stand up to here, meadows beyond
+_REACH_M = 150.0  # largest distance from the path of cells with objects
 _CLEARANCE_M = 1.6  # distance from the path without objects
 _GRID_M = 3.0  # cell of the ray caster's grid
 _ROAD_TEXTURE = 1 + FACADES
 _ROAD_LOG2_WIDTH = 11
-_RINGS_M = ((240.0, 40.0), (600.0, 130.0), (1400.0, 380.0))  # beyond the houses: distance, height
+# Distance beyond the houses, and scale of the heights, of each ring of hills.
+_RINGS_M = ((240.0, 40.0), (600.0, 130.0), (1400.0, 380.0))
 _RING_STEPS = 8192
 
 
@@ -136,7 +137,10 @@ def _pictures(seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _sort_into_grid(rows: np.ndarray, low: np.ndarray, high: np.ndarray) -> Blocks:
-    """Shapes of every cell of a grid, from the rectangles ``low`` to ``high`` (x, z) of shapes."""
+    """Shapes ``rows`` (S, 9), sorted into the cells of a grid from ``low`` to ``high`` (x, z).
+
+    A shape is in each cell that the bounding rectangle of the shape touches.
+    """
     cells = np.ceil((high - low) / _GRID_M).astype(int)
     cos, sin = np.abs(rows[:, 2]), np.abs(rows[:, 3])
     half = np.stack(

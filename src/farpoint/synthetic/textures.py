@@ -12,7 +12,8 @@ from scipy import fft
 
 __all__ = ["facade", "noise", "pyramids", "road"]
 
-# Blur of every level, in its own texels: little is left that bilinear interpolation would distort.
+# Sigma of the blur of every level, in texels of the level. The blur attenuates the frequencies that
+# bilinear interpolation distorts.
 _LEVEL_SIGMA = 0.8
 
 
@@ -22,7 +23,7 @@ def noise(rng: np.random.Generator, log2_width: int = 9) -> np.ndarray:
     frequency = np.fft.fftfreq(width) * width
     radius = np.hypot(frequency[:, None], np.fft.rfftfreq(width) * width)
     amplitude = np.zeros_like(radius)
-    # No power in the longest waves: repetition would be seen first in them.
+    # No power below 3 periods per width, where the repetition of the texture is most visible.
     np.divide(1.0, radius, out=amplitude, where=radius >= 3.0)
     spectrum = np.fft.rfft2(rng.normal(size=(width, width))) * amplitude
     image = np.fft.irfft2(spectrum, s=(width, width))
@@ -106,7 +107,8 @@ def pyramids(textures: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
             start += level.size
             if len(level) == 1:
                 break
-            # What the level has of its blur counts half in the texels of the next.
+            # A blur s of this level and a further blur sqrt(3) s give 2 s in texels of this level,
+            # which is s in texels of the next level.
             level = _blurred(level, sqrt(3.0) * _LEVEL_SIGMA, 0.5)[::2, ::2]
     return np.concatenate(parts), np.array(table, dtype=np.int64)
 

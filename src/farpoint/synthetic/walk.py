@@ -34,8 +34,8 @@ class HandheldOptions:
     bob_m : float
         Amplitude of the bob and of the sway, m, 0 to 0.2.
     look_deg : float
-        Amplitude of the slow yaw by which the person looks around, deg, 0 to 60, with periods of
-        two seconds or more. Pitch and roll have half the amplitude.
+        Amplitude of the slow yaw by which the person looks around, deg, 0 to 60, with frequencies
+        of 0.25 to 0.6 Hz. Pitch and roll have half the amplitude.
     tremor_deg : float
         Amplitude of the tremor of the hand about each axis, deg, 0 to 5, with frequencies of 1.5 to
         6 Hz.
@@ -60,7 +60,7 @@ def handheld_walk(
 ) -> Trajectory:
     """Walk along the lane with a handheld camera.
 
-    The camera looks halfway between the direction of the walk and the houses on the right.
+    The mean viewing direction is 35 degrees to the right of the direction of the walk.
 
     Parameters
     ----------

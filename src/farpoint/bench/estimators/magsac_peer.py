@@ -27,7 +27,7 @@ _Search = Callable[[np.ndarray, np.ndarray, float, float], tuple[np.ndarray | No
 
 
 def magsac_estimators() -> tuple[Estimator, ...]:
-    """MAGSAC++ and GC-RANSAC, if installed. Each draws other samples in every call."""
+    """MAGSAC++ and GC-RANSAC, if installed. The random samples differ from call to call."""
     cv2, found = load_peer("cv2"), []
     if cv2 is None:
         return ()
@@ -70,7 +70,7 @@ def _preparation(
 ) -> Callable[[TwoViews, int], Callable[[], Motion | None]]:
     def prepare(views: TwoViews, seed: int) -> Callable[[], Motion | None]:
         """Convert matches and camera for the packages; returns the call that is timed."""
-        del seed  # neither takes one
+        del seed  # neither package takes a seed
         ideal = pinhole_points(views)
         matches = np.ascontiguousarray(np.hstack([ideal.points0, ideal.points1]))
         width, height = views.camera.size or _extent(ideal)

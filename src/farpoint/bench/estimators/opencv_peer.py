@@ -20,9 +20,9 @@ from farpoint.geometry.sphere import normalize
 __all__ = ["FAR_REACH", "opencv_estimators", "recovered_motion"]
 
 _CONFIDENCE = 0.999
-_THRESHOLD_PX = 1.0  # both the defaults of findEssentialMat
-_DEFAULT_REACH = 50.0  # recoverPose drops points farther than so many baselines
-FAR_REACH = 1e6  # far points vote on the sign as near ones do: fewer wrong signs
+_THRESHOLD_PX = 1.0  # this and _CONFIDENCE are the defaults of findEssentialMat
+_DEFAULT_REACH = 50.0  # baselines; recoverPose ignores points beyond this distance
+FAR_REACH = 1e6  # far points also vote on the sign of the translation, so it is wrong less often
 
 
 def opencv_estimators() -> tuple[Estimator, ...]:
@@ -60,7 +60,7 @@ def _preparation(
                     prob=_CONFIDENCE,
                     threshold=_THRESHOLD_PX,
                 )
-            except cv2.error:  # raised where it finds no model
+            except cv2.error:  # no model was found
                 return None
             if E is None or E.shape != (3, 3):
                 return None

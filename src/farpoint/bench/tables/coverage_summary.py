@@ -26,7 +26,8 @@ _COLUMNS = (
     Column("rotation_95", 3),
     Column("rotation_95_lowest", 3),
 )
-# A cell with fewer estimates is no lowest one: chance alone moves its share by more than 0.06.
+# Cells with fewer estimates are left out of the lowest share, because chance alone changes their
+# shares by more than 0.06.
 _LEAST = 50
 
 _Cell = dict[str, Any]

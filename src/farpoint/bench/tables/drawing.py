@@ -21,10 +21,10 @@ __all__ = ["drawing_table"]
 
 _FRAMES = 60
 _ROUNDS = 4
-# Frames whose time does not count: loading, compiling, the first tracks; more than can wait, so
-# that the processes that draw have begun.
+# First frames, which are not timed: loading, compilation, first tracks. The queue holds fewer
+# frames, so that the drawing processes have begun.
 _WARM_UP = WAITING + 2
-_CAUGHT_UP_S = 0.2  # whoever takes no processor's time for so long has nothing to do
+_CAUGHT_UP_S = 0.2  # processes without CPU time in this interval are idle
 _WALL, _CPU, _OTHERS, _WHOLE = range(4)
 _QUIET = OutputOptions(overlay=False, report=False, halves_every=0)
 _VIDEO_ONLY = OutputOptions(report=False, halves_every=0)
@@ -45,7 +45,7 @@ def drawing_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...
     times_s: list[list[np.ndarray]] = [[] for _ in _WAYS]
     steps = _ROUNDS * len(_WAYS)
     for step in range(steps):
-        # In another order each round: what else the machine does hits all alike.
+        # The order rotates from round to round, so that other load affects all choices equally.
         way = (step + step // len(_WAYS)) % len(_WAYS)
         times_s[way].append(_run(sequence, images, *_WAYS[way][1:]))
         progress("drawing", step + 1, steps)
@@ -113,7 +113,7 @@ def _run(
             seconds[index, _WHOLE] = time.perf_counter() - start
             own = time.thread_time() - start_cpu
             seconds[index, _OTHERS] = time.process_time() - start_all - own
-        # Drawing goes on while other frames are estimated: each has its share of the whole.
+        # Drawing overlaps with later frames, so each frame gets an equal share of its CPU time.
         seconds[:, _OTHERS] += (_drawing_cpu_s() - drawn_s) / (len(images) - _WARM_UP)
     return seconds[_WARM_UP:]
 

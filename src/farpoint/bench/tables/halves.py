@@ -19,8 +19,8 @@ from farpoint.odometry import Odometry, OdometryOptions
 
 __all__ = ["halves_table"]
 
-# Runs of the odometry, each with other random samples: what is tracked depends on every estimate
-# before.
+# Runs of the odometry with different seeds. The tracks differ, too, because they depend on earlier
+# estimates.
 _RUNS = 10
 
 _COLUMNS = (

@@ -28,7 +28,7 @@ from farpoint.metrics import chi2_quantile, evaluate_path
 
 __all__ = ["lens_table"]
 
-_RUNS = 7  # of each lens and error: 63 each together
+_RUNS = 7  # for each lens and each error: 63 for each error
 _ERRORS: tuple[LensError, ...] = ("drawn", "two sigmas")
 _SIZE = (640, 480)
 _CENTRE: dict[str, Any] = {"cx": 319.5, "cy": 239.5}

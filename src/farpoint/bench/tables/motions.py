@@ -125,7 +125,7 @@ def _parts(body: Trajectory, streets: int, frames: int, seed: int) -> list[Traje
 
     A stretch in which the motion is lost gives no part.
     """
-    assert body.timestamps is not None  # TUM's format has them
+    assert body.timestamps is not None  # files in TUM's format have time stamps
     duration = body.timestamps[-1] - body.timestamps[0] - frames / _CARRIED_FPS
     places = np.arange(streets) + np.random.default_rng(seed).uniform(size=streets)
     parts = []

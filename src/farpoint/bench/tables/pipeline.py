@@ -82,7 +82,7 @@ def _row(
             before = dict(odometry.seconds)
             ours = _cpu_s(lambda: odometry.process(image, 0.1 * index))  # noqa: B023
             parts = np.array([odometry.seconds[name] - before[name] for name in stages])
-            # Stages are timed by the clock, which runs on while others have the processor.
+            # Stages are timed with the wall clock; their sum is limited to the CPU time.
             parts *= ours / max(parts.sum(), ours, 1e-9)
             seconds[index] = ours, _cpu_s(lambda: script.process(image)), *parts  # noqa: B023
             progress(f"pipeline of {sequence.name}", index + 1, len(images))

@@ -107,7 +107,8 @@ def _run(recording: Recording, options: BenchOptions, progress: Callable[[int, i
             cpu_s += time.process_time() - start
             progress(k + 1, len(frames))
     poses += odometry.remaining()
-    # Its share of the clock is that of the processor's time, which others leave alone.
+    # The path is timed with the wall clock. Its CPU time is taken as the CPU time of a frame, times
+    # the share of the path in the wall-clock time.
     spent = {name: odometry.seconds[name] - before[name] for name in before}
     share = spent["path"] / max(sum(spent.values()), 1e-9)
     samples = samples_of(poses, recording.world_from_cam)

@@ -20,11 +20,11 @@ _SCENES = 10
 _REPEATS = 3
 _MATCHES = (8, 20, 50, 110, 300, 500, 1000, 2000, 5000)
 _OUTLIER_PERCENTS = (0, 10, 20, 30, 40, 50, 60)
-_OUTLIER_PERCENT = 10  # while the matches grow
-_OUTLIER_MATCHES = 500  # while the share of wrong ones grows
+_OUTLIER_PERCENT = 10  # in the table by number of matches
+_OUTLIER_MATCHES = 500  # number of matches in the table by share of outliers
 _BASELINES_CM = (20.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.0)
-_BASELINE_CM = 5.0  # while anything else grows
-_BASELINE_SIZE = (110, 20)  # matches, and wrong ones, while steps become shorter
+_BASELINE_CM = 5.0  # in both of these tables
+_BASELINE_SIZE = (110, 20)  # matches and outliers in the table by length of the step
 
 
 def scaling_tables(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:

@@ -21,9 +21,9 @@ from farpoint.synthetic.pairs import KINDS
 __all__ = ["count_sure_and_wrong", "scenes_table"]
 
 _PAIRS = 60
-# Seeds of pairs that belong to one seed of the benchmark.
+# Number of seeds of pairs that are reserved for each seed of the benchmark.
 _SEEDS = 100_000
-# Largest 1-sigma of a direction, deg, below which a wrong direction counts as sure.
+# A direction counts as sure if its 1-sigma along the longest axis, deg, is below this.
 _SURE_DEG = 10.0
 _OWN_COLUMNS = (
     Column("sure_wrong"),
@@ -46,10 +46,10 @@ def scenes_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
 
 
 def count_sure_and_wrong(poses: Sequence[RelativePose], views: Sequence[TwoViews]) -> int:
-    """Number of directions that are wrong by much more than their sigma says.
+    """Number of directions with a small sigma and a large error.
 
-    The largest 1-sigma of such a direction is below 10 degrees, and the direction is more than 30
-    degrees off. Any direction is wrong if the camera does not translate.
+    The largest 1-sigma of such a direction is below 10 degrees, and the error is above 30 degrees.
+    If the camera does not translate, every direction with such a sigma counts.
     """
     return sum(
         _is_sure(pose) and _is_wrong(pose, pair) for pose, pair in zip(poses, views, strict=True)

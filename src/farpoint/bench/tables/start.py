@@ -19,8 +19,8 @@ from farpoint.synthetic import make_point_scene, paper_example
 __all__ = ["start_table"]
 
 _WARM_STARTS = 3
-# Run by a fresh interpreter; the clock starts before anything is imported, and nothing that numba
-# would have to load for it comes before the estimate.
+# Run by a new interpreter. The clock starts before the first import. No other code that numba
+# compiles, or loads from its cache, runs before the estimate.
 _SCRIPT = """
 import time
 started = time.perf_counter()

@@ -22,7 +22,7 @@ __all__ = ["steps_table"]
 
 _PAIRS = 40
 _STEPS = (1, 2, 4, 8)
-# Fewer matches are no pair.
+# Pairs with fewer matches are left out.
 _LEAST_MATCHES = 8
 
 _MATCHERS: dict[str, Callable[[Camera], Matcher]] = {

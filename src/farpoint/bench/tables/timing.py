@@ -15,7 +15,7 @@ __all__ = ["timing_table"]
 
 _SCENES = 30
 _REPEATS = 3
-_SIZES = ((110, 20), (600, 60))  # matches, of which wrong
+_SIZES = ((110, 20), (600, 60))  # matches, and outliers among them
 _COLUMNS = (
     Column("matches"),
     Column("outliers"),

@@ -16,7 +16,7 @@ TITLE = "Autoware calibration"
 FIRST_IS_DEFAULT = False
 
 MATRIX, DISTORTION, MODEL = "CameraMat", "DistCoeff", "DistModel"
-# ROS's names, which Autoware publishes as they stand.
+# ROS's names of lenses, which Autoware uses unchanged.
 PINHOLES, FISHEYE = ("plumb_bob", "rational_polynomial"), "equidistant"
 
 

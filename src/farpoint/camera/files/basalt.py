@@ -18,7 +18,7 @@ from farpoint.camera.pinhole import Pinhole
 TITLE = "Basalt calibration"
 FIRST_IS_DEFAULT = False
 
-# The second is how its early versions and its simulator wrote the same.
+# Keys of the list. Early versions of Basalt, and its simulator, write the second.
 LISTS = ("intrinsics", "cam.intrinsics")
 KINDS = ("camera_type", "cam_type")
 
@@ -32,7 +32,7 @@ def _unified(**values: float) -> ExtendedUnified:
     return ExtendedUnified(**values, beta=1.0)
 
 
-# For each lens its parameters beside the focal ones, named in a group or numbered p1, p2 ...
+# Parameters of each lens after fx fy cx cy, named in a group or numbered p1, p2 ...
 LENSES: dict[str, tuple[Callable[..., CameraModel], tuple[str, ...]]] = {
     "pinhole": (Pinhole, ()),
     "pinhole-radtan8": (_pinhole_radtan, ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")),

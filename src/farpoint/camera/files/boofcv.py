@@ -20,7 +20,7 @@ FIRST_IS_DEFAULT = False
 PINHOLE, BROWN = "pinhole", "pinhole_radial_tangential"
 OMNI = "omnidirectional_universal"
 MODELS = (PINHOLE, BROWN, OMNI)
-# Cameras inside stereo pairs, and inside those with a depth or a plane.
+# Groups: left and right of a stereo pair; intrinsic of a camera with depth or above a plane.
 GROUPS = ("left", "right", "intrinsic")
 MOST_RADIAL = 3
 

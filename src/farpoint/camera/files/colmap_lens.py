@@ -17,7 +17,7 @@ __all__ = ["PARAMETERS", "lens_of_colmap"]
 
 RADTAN8 = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 
-# Beside the focal lengths and the principal point; in the order of their numbers in cameras.bin.
+# Parameters after the principal point. The models are in the order of their numbers in COLMAP.
 _EXTRA: dict[str, tuple[str, ...]] = {
     "SIMPLE_PINHOLE": (),
     "PINHOLE": (),

@@ -23,7 +23,7 @@ SIZE_PAIRS = (
     *("imageResolution", "image_resolution", "cameraResolution", "resolution"),
     *("intrinsicMatrixReferenceDimensions", "imageSize"),
 )
-# Of no interest here: where the camera was in each frame, and Record3D's kind of device.
+# Record3D's fields that are not read: intrinsics of each frame, and the kind of camera.
 OTHER = ("perFrameIntrinsicCoeffs", "cameraType")
 
 

@@ -8,7 +8,7 @@ from farpoint.camera.pinhole import Pinhole
 
 __all__ = ["with_deviations"]
 
-# Names that programs give the one vector of `calibrateCameraExtended`, without underscores.
+# Keys, without underscores, of the vector of deviations from `calibrateCameraExtended`.
 WHOLE = (
     *("stddeviationsintrinsics", "stdintrinsics", "stddevintrinsics", "stdintr"),
     *("standarddeviationsintrinsics", "intrinsicsstddev"),

@@ -35,7 +35,7 @@ def _fisheye(fx: float, fy: float, cx: float, cy: float, *k: float) -> CameraMod
     return KannalaBrandt(fx=fx, fy=fy, cx=cx, cy=cy, k1=k[0], k2=k[1], k3=k[2], k4=k[3])
 
 
-# How many numbers follow the first four; a pinhole's one is zero.
+# Lens, and count of numbers after the first four. The one number of a pinhole must be zero.
 LENSES: dict[str, tuple[Callable[..., CameraModel], int]] = {
     "fov": (_arctangent, 1),
     "pinhole": (_pinhole, 1),

@@ -20,7 +20,7 @@ LENS = "fisheye_params"
 TOP_TO_BOTTOM = "TopToBottom"
 FISHEYE, PINHOLE = "opencv_fisheye", "opencv_standard"
 STRETCHES = ("input_horizontal_stretch", "input_vertical_stretch")
-# Gyroflow takes a stretch this small for one that was left out.
+# In Gyroflow a stretch of at most this value means that the stretch is not given.
 LEAST_STRETCH = 0.01
 # Keys of the profile about the camera, its calibration, and Gyroflow's processing.
 KNOWN = (
@@ -33,7 +33,7 @@ KNOWN = (
     *("filename", "path_to_file", "optimal_fov", "rating", "checksum"),
     *(LENS, "distortion_model", "crop", *STRETCHES),
 )
-# A second distortion made in the camera; lenses between which a zoom lies.
+# A second distortion, applied in the camera; lenses between which a zoom lens is interpolated.
 EXTRAS = ("digital_lens", "interpolations")
 LENS_KNOWN = ("camera_matrix", "distortion_coeffs", "RMS_error", "radial_distortion_limit")
 

@@ -80,7 +80,7 @@ def read(file: CalibrationFile, name: str) -> Camera:
 
 
 def _lens(section: str, file: CalibrationFile, name: str) -> tuple[str, str]:
-    """Projection and distortion of a camera. A rolling shutter does not change the lens."""
+    """Projection and distortion of a camera. The suffix ``Rs`` is a rolling shutter, not a lens."""
     hit = KIND.search(section)
     kind = hit[1] if hit else ""
     lens = KINDS.get(kind.removesuffix("Rs"))

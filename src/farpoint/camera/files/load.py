@@ -46,7 +46,7 @@ from farpoint.errors import InputError
 
 __all__ = ["load_camera"]
 
-# Asked in this order: the more particular before the more general.
+# Tried in this order: formats with distinctive fields come before more general formats.
 FORMATS: tuple[CalibrationFormat, ...] = (
     *(own, kalibr_report),
     *(ocamcalib, dso, plain, colmap, kitti),
@@ -56,7 +56,7 @@ FORMATS: tuple[CalibrationFormat, ...] = (
 )
 
 
-# Names of the left camera of a pair, and what makes the right one's of them.
+# Pattern of the name of the left camera of a pair, and replacement for the right camera.
 _STEREO = (
     (r"(.*)LEFT(.*)", r"\1RIGHT\2"),
     (r"(.*)left(.*)", r"\1right\2"),
@@ -81,8 +81,9 @@ def load_camera(path: str | os.PathLike[str], name: str | None = None) -> Camera
         stella_vslam, SVO, rpg_vikit, RealSense, ZED, DepthAI, Open3D, ARKit, Metashape, OpenSfM,
         Gyroflow, mrcal, MC-Calib, Autoware, BoofCV and Bouguet's toolbox.
     name : str, optional
-        Name of one of several cameras. The default is ``P0`` of a KITTI file and the left camera of
-        a stereo pair. Other files with several cameras need a name.
+        Name of one of several cameras. The default is the first rectified camera of a KITTI file
+        (``P0`` or ``P_rect_00``), and the left camera of a stereo pair. Other files with several
+        cameras need a name.
 
     Returns
     -------

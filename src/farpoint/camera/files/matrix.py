@@ -18,7 +18,7 @@ __all__ = [
 
 NAMED = ("fx", "fy", "cx", "cy")
 
-_SHORTEST_PX = 4.0  # focal length of a matrix that may be in shares of the image's width
+_SHORTEST_PX = 4.0  # a smaller fx may be relative to the width of the image
 
 
 class Intrinsics(TypedDict):

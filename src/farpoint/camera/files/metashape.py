@@ -76,7 +76,7 @@ def _lens(fields: Fields, kind: str, size: tuple[int, int]) -> CameraModel:
     with blame(fields, "f"):
         if kind == FRAME:
             _expect_zero(fields, ("b2", "k4"), "frame camera")
-            # Its p1 and p2 are OpenCV's p2 and p1.
+            # Metashape's p1 and p2 are OpenCV's p2 and p1.
             p1, p2 = _optional(fields, "p2"), _optional(fields, "p1")
             distortion = (k1, k2, p1, p2, k3)
             return Pinhole(

@@ -20,7 +20,7 @@ FIRST_IS_DEFAULT = False
 
 MODEL = re.compile(r"""["']lens_?model["']\s*:\s*b?["']LENSMODEL_""")
 FIELD = re.compile(r"""["'](?P<key>\w+)["']\s*:\s*b?(?P<value>\[[^][]*\]|"[^"]*"|'[^']*')?""")
-# What stands for a value that is neither a text nor a flat list.
+# Placeholder of a value that is neither a text nor a flat list.
 NOT_PARSED = "..."
 MODEL_KEYS = ("lensmodel", "lens_model")
 KNOWN = (*MODEL_KEYS, "intrinsics", "imagersize")
@@ -76,7 +76,7 @@ def _lens(fields: Fields, kind: str, numbers: list[float], size: tuple[int, int]
     if kind == SPHERE:
         return _whole_sphere(fields, numbers, size)
     if kind == STEREOGRAPHIC:
-        # Heights of 2 tan(angle / 2): a sphere seen from its surface, 2 R / (Z + d).
+        # Stereographic image height: 2 tan(angle / 2) = 2 R / (Z + d), focal lengths.
         return Unified(fx=2.0 * fx, fy=2.0 * fy, cx=cx, cy=cy, xi=1.0)
     return Pinhole(fx=fx, fy=fy, cx=cx, cy=cy, distortion=tuple(distortion))
 

@@ -63,7 +63,7 @@ def _lens(fields: Fields, whole: Fields, size: tuple[int, int] | None) -> Camera
     if kind == SPHERE:
         if size is None:
             raise fields.error("w", "the field is missing")
-        fields.read.update(fields.values)  # of a perspective lens, which nerfstudio ignores here
+        fields.read.update(fields.values)  # nerfstudio ignores perspective fields here
         return Equirectangular(width=size[0], height=size[1])
     fx = _focal(fields, "x", size, 0)
     fy = _focal(fields, "y", size, 1) if fields.first("fl_y", "camera_angle_y") else fx

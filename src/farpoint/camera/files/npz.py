@@ -55,7 +55,7 @@ def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Any:
     shape, _, dtype = header(content)
     if dtype.hasobject:
         return [PICKLED]
-    # What the header promises must be there before anything is allocated for it.
+    # The size in the header is checked before memory is allocated.
     if dtype.itemsize * np.prod(shape, dtype=float) > LARGEST_MEMBER_BYTES:
         raise ValueError(f"{member.filename} promises {shape} numbers and is shorter")
     content.seek(0)

@@ -40,7 +40,8 @@ from farpoint.errors import InputError
 TITLE = "OpenCV camera matrix"
 FIRST_IS_DEFAULT = False
 
-# People name these freely; one of several cameras carries a side or a number, the same on both.
+# Names of the matrix and of the coefficients. In a file with several cameras, both names of a
+# camera contain the same side or number.
 PREFIX, SUFFIX = r"(?:(left|right|[lr](?=_))_?)?", r"[_ -]?(\d|left|right|l|r|)(?:_fe)?"
 MATRIX = re.compile(
     PREFIX + r"(?:camera[_ -]?mat(?:rix)?|intrinsics?(?:[_ -]?matrix)?|mtx|k|m)" + SUFFIX,
@@ -59,7 +60,7 @@ SIZES = (
     *(("imgwidth", "imgheight"), ("w", "h")),
 )
 SIZE_PAIRS = ("imagesize", "imgsize", "resolution", "size", "cameraresolution")
-# Lists of cameras, and what the items call themselves.
+# Keys of lists of cameras, and keys of the name of a camera in a list.
 LISTS = ("cameras", "camera", "intrinsics")
 LABELS = ("name", "camera_name", "label", "id", "camera_id")
 PINHOLES = ("plumb_bob", "rational_polynomial", "radtan", "pinhole", "none")
@@ -170,7 +171,7 @@ def read_fields(fields: Fields, name: str) -> Camera:
 
 
 def _as_read_out(camera: Camera, fields: Fields) -> Camera:
-    """The camera of the images, of which ROS's ``camera_info`` gives the part of the sensor.
+    """The camera after the binning and the region of interest of ROS's ``camera_info``.
 
     If ``binning_x`` or ``binning_y`` is missing, the camera is returned unchanged, and other fields
     of the read-out are left to the check for unread fields.
@@ -183,7 +184,7 @@ def _as_read_out(camera: Camera, fields: Fields) -> Camera:
         if "roi" in fields:
             roi = fields.group("roi")
             if "do_rectify" in roi:
-                roi.text("do_rectify")  # it is of rectified images
+                roi.text("do_rectify")  # counts as read; only for rectified images
             x, y = _whole(roi, "x_offset"), _whole(roi, "y_offset")
             region = (x, y, _whole(roi, "width"), _whole(roi, "height"))
         read_out = ReadOut(binning=binning, roi=region)

@@ -27,7 +27,7 @@ TWO_FOCAL = ("focal_x", "focal_y", "c_x", "c_y")
 RADIAL, FISHEYE = ("k1", "k2"), ("k1", "k2", "k3", "k4")
 DUAL = "dual"
 SPHERES = ("spherical", "equirectangular")
-# The parameters that each lens of theirs may have beside those that farpoint does not know.
+# Parameters of each lens. Other parameters in a file must be zero.
 PINHOLES = {
     "perspective": (*ONE_FOCAL, *RADIAL),
     "simple_radial": (*TWO_FOCAL, "k1"),
@@ -37,7 +37,7 @@ PINHOLES = {
 FISHEYES = {
     "fisheye": (*ONE_FOCAL, *RADIAL),
     "fisheye_opencv": (*TWO_FOCAL, *FISHEYE),
-    # Of six and more coefficients, the others must be zero.
+    # These lenses have more coefficients, which must be zero.
     "fisheye62": (*TWO_FOCAL, *FISHEYE),
     "fisheye624": (*TWO_FOCAL, *FISHEYE),
 }

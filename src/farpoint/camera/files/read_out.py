@@ -58,7 +58,7 @@ class ReadOut:
                 raise InputError(problem, field="roi")
             if not width:
                 width, height = camera.size
-        model: Any = camera.model  # of those that CameraInfo may hold, each has these four
+        model: Any = camera.model  # every lens of a CameraInfo has fx, fy, cx and cy
         model = replace(
             model,
             fx=model.fx / bx,

@@ -45,7 +45,7 @@ KNOWN = (
     *("model", "distortion_model", "distortion"),
 )
 MODEL_KEYS = ("model", "distortion_model", "distortion")
-# By the numbers of rs2_distortion.
+# In the order of the enumeration rs2_distortion.
 MODELS = (
     *("none", "modifiedbrownconrady", "inversebrownconrady"),
     *("ftheta", "brownconrady", "kannalabrandt4"),

@@ -19,7 +19,7 @@ def matches(file: CalibrationFile) -> bool:
     fields = file.fields
     is_list = "intrinsics" in fields and not isinstance(fields.values["intrinsics"], Mapping)
     if not is_list and "sensor_type" not in fields and opencv.matches(file):
-        return False  # a camera matrix, beside the name of a sensor
+        return False  # an OpenCV file, whose ``camera_model`` may name a sensor
     return fields.first("sensor_type", "camera_model") is not None or (
         "intrinsics" in fields and fields.first("distortion_model", "resolution") is not None
     )

@@ -24,9 +24,8 @@ LARGEST_BYTES = 1 << 24
 an image (convention)."""
 
 LARGEST_YAML_BYTES = 1 << 20
-"""Size limit of a YAML file. The YAML parser takes a second for this size, and would accept most
-files that are no text."""
-# Numbers and words of a YAML file, its aliases written out.
+"""Size limit of a YAML file. The YAML parser takes a second for this size."""
+# Largest number of items of a YAML file after its aliases are expanded.
 MOST_ITEMS = 100_000
 
 
@@ -142,7 +141,7 @@ def _parse_yaml(text: str) -> Any:
     OpenCV's dialect is accepted: the header ``%YAML:1.0``, ``key:value`` without the space, tabs,
     and the tag ``!!opencv-matrix``.
     """
-    # Loaded on use: who has a camera at hand need not wait for it.
+    # Imported on use: programs that read no calibration need not wait for the import.
     import yaml
 
     if len(text) > LARGEST_YAML_BYTES:

@@ -35,8 +35,8 @@ PARAMETERS = {
 
 
 def matches(file: CalibrationFile) -> bool:
-    """Whether the file names the ``model`` of a camera, in a group ``Camera`` or as
-    ``Camera.model``.
+    """Whether the file has ``Camera.model``, or a group ``Camera`` with ``model``, ``setup`` or one
+    of ``fx fy cx cy``.
     """
     group = file.fields.values.get(GROUP)
     return f"{GROUP}.model" in file.fields or (

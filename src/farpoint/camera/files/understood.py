@@ -25,7 +25,7 @@ LENS_WORDS = re.compile(
 )
 """Names of fields that look like a property of a lens."""
 
-# Of names in lower case without separators: of any value, and of a single number or word.
+# Keys, in lower case without separators, with any value (first) or one number or word (second).
 _OF_A_LENS = re.compile(
     r".*(?:distort|distcoef|coef|fisheye|omnidir|skew|poly|division|lambda|radial|tangential|prism"
     r"|refract|anamorphic|squeeze|lens(?:fun|profile|param|corr)|undist|remap|lookup|binning|crop"
@@ -52,8 +52,8 @@ _LENS_MODEL_KEY = re.compile(
 )
 """Words that identify a text about a lens, under any key except the key of a name."""
 
-_LONGEST = 200  # characters of a name or text that are looked at
-# So many fields at most are listed in an error.
+_LONGEST = 200  # characters of a name or text that are compared
+# Largest number of known fields that an error lists.
 MOST_NAMED = 16
 ORDER = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 

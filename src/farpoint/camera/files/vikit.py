@@ -25,11 +25,11 @@ SIZE = ("width", "height")
 # ROS 2 keeps parameters below this key; there the prefix may be missing.
 ROS = "ros__parameters"
 DEEPEST = 4
-# A shorter focal length is relative to the image.
+# A smaller number is a focal length relative to the size of the image.
 LEAST_FOCAL_PX = 10.0
 LENS = re.compile(rf"{PREFIX}.*|{LENS_WORDS.pattern}|d\d+", re.IGNORECASE)
 RELATIVE = "atan"
-# The coefficients of each lens, absent ones zero; those named d0 ... have the prefix.
+# Coefficients of each lens; a missing one is zero. Only d0 ... have the prefix of the keys.
 COEFFICIENTS = {
     "pinhole": ("d0", "d1", "d2", "d3", "d4"),
     "pinholeradialtangential": ("d0", "d1", "d2", "d3"),
@@ -103,7 +103,7 @@ def _gather(fields: Fields, name: str, found: dict[str, _Camera], depth: int = 0
 def _lens(camera: _Camera, kind: str, size: tuple[int, int]) -> CameraModel:
     fx, fy, cx, cy = (camera.number(name) for name in FOCAL)
     if kind == RELATIVE:
-        # Relative to the image, with the half pixel that PTAM's model takes from the centre.
+        # Relative to the image. PTAM's model subtracts half a pixel from the principal point.
         fx, fy, cx, cy = fx * size[0], fy * size[1], cx * size[0] - 0.5, cy * size[1] - 0.5
     elif 0 < fx < LEAST_FOCAL_PX:
         raise camera.fields.error(camera.key("fx"), f"expected pixels, got {fx:g}")

@@ -77,7 +77,7 @@ def _lens(camera: Fields, distortion: Fields) -> CameraModel:
     with blame(camera, "fx", **{key: key for key in FOCAL}):
         if len(coefficients) == 8:
             k1, k2, p1, p2, k3, k4, k5, k6 = coefficients
-            # Stereolabs' calibration tool writes a fisheye's four with zeros for the others.
+            # Stereolabs' calibration tool writes k1 to k4 of a fisheye, and zeros for the others.
             if k4 and not any((p1, p2, k5, k6)):
                 return KannalaBrandt(fx=fx, fy=fy, cx=cx, cy=cy, k1=k1, k2=k2, k3=k3, k4=k4)
         return Pinhole(fx=fx, fy=fy, cx=cx, cy=cy, distortion=coefficients)

@@ -6,8 +6,8 @@ is known.
 
 from __future__ import annotations
 
-# Length of the last step of Newton's method for the ray of a pixel, over 1 + the length of the
-# ray's x and y. Chosen.
+# Newton's method for the undistorted point (x, y) of a pixel stops at a step (dx, dy) with
+# (|dx| + |dy|) / (1 + |x| + |y|) of at most this value. Chosen.
 LENS_TOLERANCE = 1e-10
 
 # Steps of the table of radii of a distorted plane, per unit of r / (1 + r). Chosen: Newton's method

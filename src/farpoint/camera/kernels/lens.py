@@ -101,7 +101,7 @@ def distort(k: np.ndarray, x: np.ndarray, y: np.ndarray, out: np.ndarray) -> Non
 
 @inlined_kernel
 def _interpolate(target: float, arguments: np.ndarray, values: np.ndarray) -> float:
-    """Piecewise linear function, given by a table of increasing arguments; constant outside."""
+    """Piecewise linear function from a table; constant above the largest argument of the table."""
     low, high = 0, len(arguments) - 1
     if target >= arguments[high]:
         return values[high]
@@ -186,10 +186,10 @@ def undistort(
 def pinhole_ray_jacobian(
     k: np.ndarray, fold: float, fx: float, fy: float, rays: np.ndarray, jacobian: np.ndarray
 ) -> None:
-    """Derivative (N, 3, 2) of unit rays by the pixels of a distorted pinhole; NaN beyond its fold.
+    """Derivative (N, 3, 2) of unit rays by the pixels of a distorted pinhole; NaN beyond `fold`.
 
-    The rays may have any length. With ``v = (x, y, 1)`` and the unit ray ``r = v / |v|``, the
-    derivative is ``dr = (dv - r (r . dv)) / |v|``.
+    `fold` is the largest undistorted radius. The rays may have any length. With ``v = (x, y, 1)``
+    and the unit ray ``r = v / |v|``, the derivative is ``dr = (dv - r (r . dv)) / |v|``.
     """
     for i in range(len(rays)):
         _pinhole_ray_jacobian(k, fold, fx, fy, rays, i, jacobian)

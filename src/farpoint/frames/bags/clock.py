@@ -9,10 +9,10 @@ from dataclasses import dataclass
 __all__ = ["HeaderClock"]
 
 _CONTRADICTS_NS = 3600 * 10**9
-"""Deviation from the clock of the recording with which a single header counts as damaged."""
+"""Change of the offset of the header clock, ns, from which a single header counts as damaged."""
 
 _ABOUT_ZERO_NS = 10**9
-_FRAME_NS = 10**8  # until two headers are read
+_FRAME_NS = 10**8  # frame interval until two headers are read
 
 
 @dataclass
@@ -20,7 +20,7 @@ class HeaderClock:
     """Times of images, ns, from the headers of a topic.
 
     The clock of the headers may differ from the clock of the recording. If the difference jumps at
-    one message and jumps back at the next message, the header of the one message is damaged.
+    one message and jumps back at the next message, the header of the first of the two is damaged.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class HeaderClock:
     """
 
     offset_ns: int | None = None
-    _other_ns: int | None = None  # where the last header was refused
+    _other_ns: int | None = None  # offset of the last header, if it was refused
     _last_ns: int | None = None
     _interval_ns: int = _FRAME_NS
 
@@ -56,7 +56,7 @@ class HeaderClock:
         return stamp_ns
 
     def _begins_at_zero(self, recorded_ns: int | None) -> bool:
-        """Whether the clock of the headers was near zero then and has stayed at zero so far."""
+        """Whether a time of 0 is valid: the header clock is near 0, and all times so far were 0."""
         if self.offset_ns is None or recorded_ns is None or self._last_ns:
             return False
         return abs(recorded_ns + self.offset_ns) < _ABOUT_ZERO_NS

@@ -14,7 +14,7 @@ from farpoint.frames.bags.records import BrokenBagError
 __all__ = ["LARGEST_CHUNK_BYTES", "decompress", "unpack_file", "unpack_message"]
 
 LARGEST_CHUNK_BYTES = 1 << 30
-"""Recorders write chunks of 1 to 64 MB, and messages are smaller (convention)."""
+"""Size limit of decompressed data (convention). Recorders write chunks of 1 to 64 MB."""
 
 _AT_ONCE_BYTES = 1 << 22
 

@@ -29,7 +29,7 @@ def decoder_of(topic: Topic) -> Decoder:
     def checked(data: bytes | memoryview) -> Any:
         try:
             return decode(data)
-        except Exception as error:  # of damaged bytes a reader raises whatever its parts do
+        except Exception as error:  # damaged bytes cause many kinds of errors
             words = str(error).strip() or type(error).__name__
             raise BrokenBagError(f"the message cannot be read ({words})") from error
 
@@ -79,7 +79,7 @@ def _typestore(name: str, encoding: str, definition: str, is_idl: bool) -> Any:
     if definition:
         parse = typesys.get_types_from_idl if is_idl else typesys.get_types_from_msg
         arguments = (definition,) if is_idl else (definition, name)
-        # A definition that is damaged: the type is ROS's in most cases.
+        # If the definition is damaged, ROS's own definition is used, which fits in most cases.
         with suppress(Exception):
             store = typesys.get_typestore(stores.EMPTY)
             store.register(parse(*arguments))

@@ -105,7 +105,7 @@ class BagFolder:
 
     def _part(self, path: Path) -> tuple[Bag | None, str | None]:
         if not path.is_file() and path.suffix in _PACKED and path.with_suffix("").is_file():
-            path = path.with_suffix("")  # unpacked by hand
+            path = path.with_suffix("")  # decompressed by the user
         if not path.is_file():
             return None, "is missing"
         fault = None
@@ -123,7 +123,7 @@ class BagFolder:
 
 def _facts(metadata: Path) -> dict[str, Any]:
     """Metadata of a bag; empty if unreadable, because the files contain most of the metadata."""
-    import yaml  # loaded on use
+    import yaml  # imported on use
 
     try:
         data = read_regular_file(metadata, limit_bytes=_LARGEST_METADATA, what="a description")

@@ -19,11 +19,11 @@ VIDEO = frozenset({"CompressedVideo"})
 _COLOUR = re.compile(r"(rgb|bgr|rgba|bgra)(8|16)")
 _OPENCV_TYPE = re.compile(r"(8|16)UC([134])")
 _BAYER = re.compile(r"bayer_(rggb|bggr|gbrg|grbg)(8|16)")
-# Samples of a pixel, and which of them is luma: UYVY has it behind each half of the colour.
+# Index of luma in the two bytes of a pixel: U Y V Y has colour first, Y U Y V has luma first.
 _INTERLEAVED = {"yuv422": 1, "uyvy": 1, "yuv422_yuy2": 0, "yuyv": 0, "yuy2": 0}
 _PLANAR = ("nv12", "nv21", "nv24")  # luma is a plane of its own, in front
 
-# The luma of libpng, so that an image as a message gives what it gives as a PNG file.
+# Weights of libpng's luma, so that a message and a PNG file give the same grey values.
 _RED, _GREEN, _BLUE, _SHIFT = 9797, 19234, 3737, 15
 
 
@@ -39,7 +39,7 @@ def samples_of(message: Any, kind: str, max_megapixels: float) -> np.ndarray:
         return _samples(message, kind, max_megapixels)
     except UnreadableImageError:
         raise
-    except Exception as error:  # of fields that make no sense, whatever reads them raises
+    except Exception as error:  # invalid fields cause many kinds of errors
         raise UnreadableImageError(f"the image cannot be read ({error})") from error
 
 

@@ -94,7 +94,7 @@ class McapFile(RecordFile):
         except (struct.error, UnicodeDecodeError):
             raise BrokenBagError("the head of a chunk is damaged") from None
         raw = decompress(data[begin : begin + stored], kind, size)
-        # What is not compressed is left to its records, and what these hold to its decoders.
+        # Without compression, damage is found in single records or in the decoding of messages.
         if kind and checksum and len(raw) == size and zlib.crc32(raw) != checksum:
             raise BrokenBagError("its checksum is wrong")
         return raw
@@ -174,7 +174,7 @@ class McapFile(RecordFile):
         return None
 
     def _begins(self, file: BinaryIO, at: int) -> bool:
-        """Whether a record begins at this byte, and another record begins after its end."""
+        """Whether a chunk with matching sizes, or a message before a record, begins at a byte."""
         try:
             record = self._record(file, at)
             if record is None:

@@ -27,7 +27,7 @@ FOXGLOVE_FIELDS: dict[str, dict[int, str]] = {
         9: "frame_id",
     },
 }  # fmt: skip
-"""Of each type, without ``foxglove.``: names by number."""
+"""Field names by field number, for each type without its prefix ``foxglove.``."""
 
 _TEXTS = frozenset({"encoding", "format", "frame_id", "distortion_model"})
 _MATRICES = frozenset({"d", "k", "r", "p"})
@@ -48,7 +48,7 @@ def from_protobuf(data: bytes | memoryview, kind: str) -> SimpleNamespace:
             packed = struct.pack("<Q", value) if isinstance(value, int) else bytes(value)
             value = [*fields[name], *struct.unpack(f"<{len(packed) // 8}d", packed)]
         elif name in ("width", "height", "step"):
-            value = int(value)  # TypeError of bytes
+            value = int(value)  # bytes raise TypeError
         elif isinstance(value, int):
             raise ValueError(f"{name} is a number")
         elif name == "timestamp":

@@ -221,7 +221,7 @@ class RecordFile(ABC):
         fault = None
         try:
             for parsed in self._parsed(raw):
-                # Asked when a record has been read: topics may come up within a chunk.
+                # Called after the record is read, because a chunk may declare its topics.
                 if topic := wanted(parsed.channel):
                     found.append((topic, parsed))
         except BrokenBagError as error:

@@ -29,7 +29,7 @@ from farpoint.frames.frame import Frame
 __all__ = ["BagImages", "open_bag_images"]
 
 _FIRST = 15
-"""Number of messages that classify a topic; some of them may be damaged."""
+"""Number of readable messages from which the clock and the frame id of a topic are taken."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +47,7 @@ class BagImages:
     clock : HeaderClock
         Clock from the first images, with which each iteration starts.
     frame_id : str
-        Frame id of the first image, which is the camera's optical frame.
+        Most frequent frame id of the first images, which is the camera's optical frame.
     max_megapixels : float
         Size limit of an image. A larger image is a frame with a fault.
     """
@@ -172,7 +172,7 @@ def open_bag_images(path: Path, topic: str | None) -> BagImages:
         If ``path`` is no bag, if there are no such images, or if the bag has several image topics
         and ``topic`` is None.
     """
-    optional_import("cv2", extra="video", purpose="reading images")  # now, not in mid-run
+    optional_import("cv2", extra="video", purpose="reading images")  # before the run starts
     bag = open_bag(path)
     images = image_topic(bag, topic)
     first, frame_ids = _first(bag, images)

@@ -17,7 +17,7 @@ __all__ = ["MAGIC", "SqliteBag"]
 MAGIC = b"SQLite format 3\0"
 
 _ONE_BY_ONE = 64
-"""Rows read each by itself after one that cannot be read."""
+"""Number of rows that are read one by one after an unreadable row."""
 
 
 class SqliteBag:
@@ -93,7 +93,7 @@ class SqliteBag:
         """The message of one row, if its topic is wanted and the row is readable."""
         known = None
         try:
-            # What is wanted stands at the beginning of a row, and often can still be read.
+            # Topic and time are at the beginning of a row, which is often still readable.
             known = database.execute(
                 "SELECT topic_id, timestamp FROM messages WHERE id = ?", (row,)
             ).fetchone()
@@ -145,8 +145,8 @@ class SqliteBag:
         with self.path.open("rb") as file:
             if file.read(len(MAGIC)) != MAGIC:
                 raise InputError("expected a database of ROS 2 (sqlite3)", file=self.path)
-        # Immutable: bags on read-only disks, and no lock files beside them; but for one whose
-        # recorder was killed and left its last rows in a log beside it.
+        # Immutable, so that bags on read-only disks open, and no lock files are made. If the
+        # recorder was killed, the last rows are in a log, which SQLite does not read if immutable.
         log = self.path.with_name(self.path.name + "-wal")
         rest = "" if log.exists() else "&immutable=1"
         address = f"file:{quote(str(self.path.absolute()))}?mode=ro{rest}"

@@ -60,7 +60,7 @@ class VideoTopic(Generic[Label]):
             yield from self._fail(self._waiting[0][0], "no picture came of it")
 
     def pass_over(self, label: Label, fault: str) -> Iterator[Picture[Label]]:
-        """Skip a lost message; returns the ``fault``, after those of earlier messages."""
+        """Skip a lost message; returns its ``fault``, after the faults of earlier messages."""
         number, self._count = self._count, self._count + 1
         yield from self._until(number)
         yield Picture(label, None, fault)
@@ -101,7 +101,7 @@ def _open(av: Any, kind: str) -> Any:
     if name is None:
         raise ValueError(f"the format {kind!r} is not supported; expected {', '.join(_CODECS)}")
     codec = av.CodecContext.create(name, "r")
-    # Pictures come in the order of their messages, each as soon as it is there.
+    # The decoder returns pictures in the order of their messages and without extra delay.
     codec.thread_count = 1
     codec.flags |= av.codec.context.Flags.low_delay
     return codec

@@ -22,7 +22,7 @@ class LiveAccount:
     broken : int
         Frames that could not be decoded.
     waiting : int
-        1 if the newest frame has not been processed, otherwise 0.
+        1 if the newest frame has not been taken for processing, otherwise 0.
     disconnects : int
         Number of times the source was lost: the source ended, sent no frames, or raised an error.
     reconnects : int

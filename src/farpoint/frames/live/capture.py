@@ -151,7 +151,7 @@ class Capture:
                 if self._stop.is_set() or (fault is None and not self._source.endless):
                     break
                 self._lose(fault or "the source delivers no more frames")
-                source = None  # some drivers open a device once only
+                source = None  # some drivers open a device only once at a time
                 source = self._open_again()
         finally:
             with self._changed:
@@ -167,18 +167,18 @@ class Capture:
                 self._put(frame)
                 if self._stop.is_set():
                     return None
-        except Exception as error:  # whatever a driver raises is a source that was lost
+        except Exception as error:  # any error of a driver counts as a lost source
             return f"{type(error).__name__}: {error}"
         return fault if self._source.endless else None
 
     def _put(self, frame: Frame) -> None:
         now_s = time.monotonic()
         with self._changed:
-            if self._ended:  # left behind by `close`: the account is final
+            if self._ended:  # `close` has abandoned this thread: the account is final
                 return
             account, before = self._account, self._slot
             index, account = account.captured, replace(account, captured=account.captured + 1)
-            if frame.image is None:  # it must not take the place of one that shows something
+            if frame.image is None:  # does not replace a frame with an image
                 self._account = replace(account, broken=account.broken + 1)
                 return
             self._account = replace(
@@ -205,7 +205,7 @@ class Capture:
         while not self._stop.wait(_RETRY_S):
             try:
                 source = self._source.open()
-            except Exception:  # not there yet, in whatever words the driver has for it
+            except Exception:  # drivers raise many kinds of errors
                 continue
             with self._changed:
                 self._connected = True

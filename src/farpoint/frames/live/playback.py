@@ -102,7 +102,7 @@ class Playback:
         assert self._rest is not None
         due = time.monotonic()
         for frame, gap_s in self._rest:
-            due = max(due + gap_s, time.monotonic() - gap_s)  # no rush after a stall
+            due = max(due + gap_s, time.monotonic() - gap_s)  # makes up one interval at most
             self._wait_until(due)
             while self._suffers(Stall):
                 time.sleep(0.005)

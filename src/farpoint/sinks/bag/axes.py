@@ -20,10 +20,10 @@ from farpoint.geometry import so3
 __all__ = ["BODY_FROM_OPTICAL", "Twist", "motion_twist", "odom_from_body", "pose_covariance"]
 
 BODY_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-"""Maps optical coordinates to those of the body."""
+"""Maps coordinates in the optical frame to coordinates in the body frame."""
 
 _ADJOINT = np.kron(np.eye(2), BODY_FROM_OPTICAL)
-_TERMS = 24  # of the series of a Jacobian: at a turn of 180 degrees the last one is 1e-7
+_TERMS = 24  # terms of the series of a Jacobian; the last one is 1e-7 for a rotation of 180 deg
 _NEGLIGIBLE = 1e-17
 
 

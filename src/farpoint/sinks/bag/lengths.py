@@ -17,9 +17,9 @@ UNKNOWN_SPEED = 1000.0
 """1-sigma of an unknown speed, m/s; so large that a filter ignores the speed."""
 
 _FASTEST = 30.0
-"""Speed, m/s, that converts an error of the direction to m/s if the speed is unknown."""
+"""Speed, m/s, from which the least lever arm of a motion of unknown length is computed."""
 
-_LOST_M2, _LOST_RAD2 = 1e6, np.pi**2  # variances behind a break of the path
+_LOST_M2, _LOST_RAD2 = 1e6, np.pi**2  # variances of an unknown position and orientation
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -51,7 +51,7 @@ class McapFile:
         self._file = AppendFile(path, first)
         self._at = len(first)
         self._schemas: dict[str, int] = {}
-        self._declarations = b""  # schemas and channels, as the summary repeats them
+        self._declarations = b""  # records of schemas and channels, repeated in the summary
         self._counts: dict[int, int] = {}
         self._chunk = bytearray()
         self._index: dict[int, list[tuple[int, int]]] = defaultdict(list)

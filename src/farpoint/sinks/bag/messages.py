@@ -14,7 +14,7 @@ from farpoint.sinks.bag.axes import Twist
 
 __all__ = ["Messages"]
 
-_RATIONAL = 5  # largest number of coefficients of a plumb bob
+_RATIONAL = 5  # largest number of coefficients of ROS's model plumb_bob
 
 
 class Messages:

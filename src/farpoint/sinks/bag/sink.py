@@ -110,7 +110,7 @@ class BagSink:
         """Add the result of one frame; the image is not used."""
         del image
         time_ns = self._stamp_ns()
-        if time_ns is None or time_ns / 10**9 != result.timestamp:  # of another clock
+        if time_ns is None or time_ns / 10**9 != result.timestamp:  # not this frame's time
             time_ns = round(result.timestamp * 1e9)
         if time_ns < 0:
             raise InputError(f"ROS has no time {result.timestamp} s", field="--bag")
@@ -123,7 +123,7 @@ class BagSink:
         metric = self._path.estimate
         direct = _twist(result.pose, length_in_metres(result, metric, seconds), seconds)
         own = direct
-        if metric is None:  # in the unit of the pose beside it
+        if metric is None:  # in the unit of the pose in the same message
             own = _twist(result.pose, length_in_units(result, seconds), seconds)
         odom = make.header(time_ns, ODOM_FRAME)
         self._put("tf", time_ns, make.transform(odom, BODY_FRAME, body))
@@ -183,7 +183,7 @@ def _twist(pose: RelativePose | None, length: Length, seconds: float) -> Twist |
         assert pose.covariance is not None
         assert pose.direction_basis is not None
         direction = pose.direction_cam1_from_cam0
-        J = np.zeros((6, 6))  # of [dtheta, dbeta, dlength]
+        J = np.zeros((6, 6))  # of [dtheta, dt] by [dtheta, dbeta, dlength]
         J[:3, :3] = np.eye(3)
         J[3:, 3:5] = length.lever * pose.direction_basis
         J[3:, 5] = direction
@@ -196,6 +196,6 @@ def _twist(pose: RelativePose | None, length: Length, seconds: float) -> Twist |
 
 
 def _no_twist() -> Twist:
-    """The velocity that stands for a frame without a motion."""
+    """Zero velocity with a very large covariance, for a frame whose motion is unknown."""
     unknown = np.diag([UNKNOWN_SPEED**2] * 3 + [np.pi**2 * 100.0] * 3)
     return Twist(linear=np.zeros(3), angular=np.zeros(3), covariance=unknown)

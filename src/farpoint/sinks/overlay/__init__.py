@@ -1,4 +1,4 @@
-"""``overlay.mp4``: the display of the method, drawn as pictures and encoded as a video."""
+"""``overlay.mp4``: tracks, flow and epipole of each frame, drawn and encoded as a video."""
 
 from farpoint.sinks.overlay.palette import PALETTES, PaletteName
 from farpoint.sinks.overlay.picture import draw_overlay

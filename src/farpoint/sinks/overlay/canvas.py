@@ -13,7 +13,7 @@ from farpoint.sinks.overlay.palette import BACKGROUND, Colour, Palette
 
 __all__ = ["Canvas", "draw_text", "text_width"]
 
-_SHIFT = 4  # bits of a pixel's fraction that OpenCV draws with
+_SHIFT = 4  # fractional bits of OpenCV's fixed-point coordinates
 _REACH_PX = 16384.0  # beyond this OpenCV's fixed-point coordinates come near to overflowing
 
 
@@ -48,7 +48,7 @@ class Canvas:
         near = np.all(np.abs(points) < _REACH_PX, axis=1)
         breaks = np.flatnonzero(np.diff(near)) + 1
         pieces = [piece for piece in np.split(_fixed(points), breaks) if len(piece)]
-        first = 0 if near[:1].all() else 1  # every other piece is off
+        first = 0 if near[:1].all() else 1  # drawn and undrawn pieces alternate
         self._lines(pieces[first::2], colour, thickness)
 
     def segments(self, ends_px: np.ndarray, colour: Colour, thickness: int = 0) -> None:
@@ -59,7 +59,7 @@ class Canvas:
 
     def dots(self, points_px: np.ndarray, colour: Colour, radius: float) -> None:
         """Draw filled discs at camera pixels (N, 2); the radius is in units of `stroke`."""
-        # A frame has hundreds of them: OpenCV would take half of the drawing's time.
+        # A frame has hundreds of dots; OpenCV would take half of the drawing time for them.
         draw_discs(self.pixels, self._seen(points_px), radius * self.stroke, colour)
 
     def rings(self, points_px: np.ndarray, colour: Colour, radius: float) -> None:
@@ -70,7 +70,7 @@ class Canvas:
             cv2.circle(self.pixels, centre, size, colour, self.stroke, cv2.LINE_AA, _SHIFT)
 
     def holes(self, points_px: np.ndarray, colour: Colour, radius: float) -> None:
-        """Draw thick dark rings at camera pixels (N, 2); the radius is in units of `stroke`."""
+        """Draw dark-centred discs at camera pixels (N, 2); the radius is in units of `stroke`."""
         self.dots(points_px, colour, radius)
         self.dots(points_px, BACKGROUND, 0.5 * radius)
 
@@ -128,7 +128,7 @@ def _size(height: float) -> float:
 
 
 def _fixed(values: np.ndarray | float) -> np.ndarray:
-    with np.errstate(invalid="ignore"):  # NaN has no place and is left out by whoever draws
+    with np.errstate(invalid="ignore"):  # NaN gives any integer; callers leave it out
         return np.rint(np.asarray(values) * (1 << _SHIFT)).astype(np.int32)
 
 

@@ -14,7 +14,7 @@ __all__ = ["EpipoleView", "meridians", "view_epipole"]
 
 _STEP_PX = 2.0
 _MERIDIANS = 16
-_POLE_GAP_RAD = np.deg2rad(9.0)  # nearer to their pole meridians would be one blot
+_POLE_GAP_RAD = np.deg2rad(9.0)  # meridians end at this angle from a pole, where they would merge
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,7 +62,7 @@ def _outline(camera: Camera, ring: np.ndarray) -> np.ndarray:
     """Image (M, 2), px, of a closed ring of rays (K, 3)."""
     pixels = camera.project(ring)
     steps = np.linalg.norm(np.diff(pixels, axis=0), axis=1)
-    # A small ring in the middle of the view needs no finer steps, and has to keep those it has.
+    # A ring with short steps is drawn through its own points, without further points.
     return pixels if np.all(steps < _STEP_PX) else project_path(camera, ring)
 
 
@@ -74,7 +74,7 @@ def meridians(heading: np.ndarray) -> np.ndarray:
     basis = tangent_basis(heading)
     turn = np.arange(_MERIDIANS) * 2.0 * np.pi / _MERIDIANS
     sides = np.stack([np.cos(turn), np.sin(turn)], axis=1) @ basis.T
-    # Three corners make arcs of less than half a turn.
+    # With three points, each arc between neighbours is below 180 degrees.
     angles = np.linspace(_POLE_GAP_RAD, np.pi - _POLE_GAP_RAD, 3)[:, None]
     paths = np.cos(angles) * heading + np.sin(angles) * sides[:, None]
     gap = np.full((_MERIDIANS, 1, 3), np.nan)

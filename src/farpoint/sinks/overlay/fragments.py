@@ -31,7 +31,7 @@ class FragmentFile:
         self._path = path
         self._file: AppendFile | None = None
         self._waiting = bytearray()  # boxes (ISO/IEC 14496-12) up to the end of a fragment
-        self._next = 0  # where in them the next box begins
+        self._next = 0  # offset of the next box in _waiting
         self._ended = False
         self._problem: InputError | None = None
         self._identity: tuple[int, ...] | None = None

@@ -21,7 +21,7 @@ Colour = tuple[int, int, int]
 """Red, green, blue."""
 
 PaletteName = Literal["red-green", "orange-blue"]
-"""What users call a palette."""
+"""Names of the palettes."""
 
 BACKGROUND: Colour = (22, 24, 28)
 GUIDE_GREY: Colour = (62, 68, 76)
@@ -31,7 +31,7 @@ WHITE: Colour = (242, 242, 242)
 
 @dataclass(frozen=True, kw_only=True)
 class Palette:
-    """Colours of the classes in the display. The classes also differ in shape.
+    """Colours of matches, epipole and status. Matches of different labels also differ in shape.
 
     Attributes
     ----------
@@ -54,10 +54,11 @@ class Palette:
 
 
 RED_GREEN = Palette(far=(255, 72, 60), near=(70, 220, 105), good=(30, 140, 75))
-"""The colours of the paper."""
+"""The colours of Burschka and Mair (2008)."""
 
-# Told apart with any kind of colour vision: they differ in blue and yellow, and in brightness
-# (M. Okabe, K. Ito, "Color Universal Design", 2008: its orange and sky blue, a little brighter).
+# Far and near are distinct with any kind of colour vision: they differ in the blue-yellow axis and
+# in brightness (orange and sky blue of M. Okabe, K. Ito, "Color Universal Design", 2008, a little
+# brighter).
 _ORANGE_BLUE = Palette(
     far=(245, 150, 20),
     near=(96, 190, 255),

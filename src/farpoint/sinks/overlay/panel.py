@@ -95,7 +95,7 @@ def _draw_table(
     for index, (name, value, sigma) in enumerate(rows):
         line = 3.85 + index
         _write(pixels, name, left, line, line_px, QUIET_GREY)
-        # Numbers end on one line, so that the eye finds the digits that change.
+        # Numbers are aligned on the right, so that each digit keeps its place from frame to frame.
         _write(pixels, value, left + 6.0, line, line_px, WHITE, to_the_left=True)
         if sigma:
             _write(pixels, "+-", left + 6.4, line, line_px, QUIET_GREY)

@@ -17,7 +17,7 @@ from farpoint.sinks.overlay.palette import BACKGROUND, GUIDE_GREY, QUIET_GREY, W
 
 __all__ = ["draw_flow_pane", "draw_points_pane"]
 
-_ARROW_REACH = 0.95  # how far out the arrow's tip stands, as a part of the way to the border
+_ARROW_REACH = 0.95  # distance of the arrow's tip over the distance of the border
 
 
 def draw_points_pane(
@@ -54,7 +54,7 @@ def draw_flow_pane(
     _caption(canvas, _epipole_caption(view, pose), line_px, top=False)
 
 
-# Near points last: they are fewest where it matters and must not be hidden.
+# Near points last: a few near points must not be hidden by many other points.
 _DRAWN_IN_ORDER = (TrackLabel.OUTLIER, TrackLabel.FAR, TrackLabel.NEAR)
 
 
@@ -75,7 +75,7 @@ def _draw_matches(
 
 
 def _is_curved(camera: Camera) -> bool:
-    """Whether straight lines in space are curved in the picture, or may cross a picture's seam."""
+    """Whether lines are drawn as projected great circles: for every lens model but `Pinhole`."""
     return not isinstance(camera.model, Pinhole)
 
 

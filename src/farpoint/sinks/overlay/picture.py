@@ -1,4 +1,4 @@
-"""The display of one frame, as a pure function."""
+"""Picture of the tracks, flow, epipole and values of one frame, as a pure function."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def draw_overlay(
     palette: PaletteName = "red-green",
     mask: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Draw the display of the method in the style of the paper's screenshots.
+    """Draw the motion of one frame in the style of the screenshots of Burschka and Mair (2008).
 
     The left pane is the newer image with its tracks (far red, near green, outliers grey). The right
     pane is the translational flow in pixels of the older image; flow lines are great circles if the
@@ -109,7 +109,7 @@ def _fitted(image: np.ndarray, pane: tuple[int, int]) -> np.ndarray:
 
 
 def _hatch(pane: np.ndarray, mask: np.ndarray, line_px: float) -> None:
-    """Darken the picture where the mask is False, and draw stripes, as a bonnet may be dark."""
+    """Darken and stripe the picture where the mask is False; stripes also mark dark parts."""
     cv2 = optional_import("cv2", extra="video", purpose="drawing the overlay")
     height, width = pane.shape[:2]
     fitted = cv2.resize(mask.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST)

@@ -31,17 +31,18 @@ __all__ = [
 ]
 
 KEYFRAME_INTERVAL = 15
-"""Frames between key frames; reports show these."""
+"""Frames from one key frame to the next. The small pictures of reports are key frames."""
 
 _TICK = Fraction(1, 90_000)  # s: exact for 24, 25, 30 and 60 frames a second
-_NOMINAL_RATE = 30  # frames a second, for the encoder's book-keeping only: time stamps are true
+_NOMINAL_RATE = 30  # frames a second; the encoder requires a rate, but time stamps are exact
 
-# A fragment for every frame: a file that was never closed plays, and lacks one frame at the most.
-# A closed one is packed anew, with one index in front: then phones know its length and seek.
+# One fragment per frame: a file that was never closed can be played and lacks at most one frame.
+# `OverlayVideo.close` rewrites the file with one index at the beginning, so that phones show the
+# duration and can seek.
 _CONTAINER = {"movflags": "frag_every_frame+empty_moov+default_base_moof", "flush_packets": "1"}
-# No look-ahead and no B-frames: every picture is in the file as soon as it can be. The next slower
-# preset would save 20 % of the bytes and take twice as long; threads would take the cores that
-# estimate.
+# No look-ahead and no B-frames: every picture is in the file as soon as possible. The next slower
+# preset would save 20 % of the bytes and take twice as long. One thread: more threads would use the
+# cores of the estimation.
 _ENCODER = {
     "preset": "ultrafast",
     "tune": "zerolatency",
@@ -91,7 +92,7 @@ class OverlayVideo:
         self._stream: Any = None
         self._start_s = 0.0
         self._last_tick = -1
-        check_writable(path)  # it is opened only with the first frame: too late to say no
+        check_writable(path)  # the file is created with the first frame, too late for an error
         self._file = FragmentFile(path)
         self._container: Any = self._av.open(self._file, "w", format="mp4", options=_CONTAINER)
 
@@ -105,9 +106,9 @@ class OverlayVideo:
         picture = draw_overlay(image, result, self._camera, self._palette, self._mask)
         planes = self._cv2.cvtColor(
             picture, self._cv2.COLOR_RGB2YUV_I420
-        )  # three times PyAV's pace
+        )  # three times as fast as PyAV
         frame = self._av.VideoFrame.from_ndarray(planes, format="yuv420p")
-        # A clock that stands still or runs back must not stop the film.
+        # Presentation times must increase, also if time stamps repeat or decrease.
         tick = max(round((result.timestamp - self._start_s) / _TICK), self._last_tick + 1)
         frame.pts, frame.time_base = tick, _TICK
         self._last_tick = tick
@@ -128,7 +129,7 @@ class OverlayVideo:
             finally:
                 self._file.close()
         if self._file.is_at_its_path():
-            with contextlib.suppress(OSError, self._av.FFmpegError):  # then it stays as it was
+            with contextlib.suppress(OSError, self._av.FFmpegError):  # the fragments then stay
                 self._pack()
         self._file.raise_problem()
 
@@ -158,7 +159,7 @@ class OverlayVideo:
         stream.time_base = stream.codec_context.time_base = _TICK
         stream.codec_context.gop_size = KEYFRAME_INTERVAL
         stream.codec_context.thread_count = 1
-        # Said aloud, or players would take the colours of tall pictures for BT.709.
+        # Without this entry, players would assume BT.709 for tall pictures.
         stream.codec_context.colorspace = self._av.video.reformatter.Colorspace.ITU601
         stream.codec_context.color_range = self._av.video.reformatter.ColorRange.MPEG
         self._stream, self._start_s = stream, start_s

@@ -244,7 +244,7 @@ def _line(x: np.ndarray, y: np.ndarray, wraps: np.ndarray) -> str:
         elif joined and not wraps[index - 1]:
             words.append(f"L{x[index]:.2f} {y[index]:.1f}")
         else:
-            # A lone point is a line of no length: its round ends show it.
+            # A single point is a line of length 0, which is visible by its round ends.
             words.append(f"M{x[index]:.2f} {y[index]:.1f}h0")
             joined = True
     return "".join(words)

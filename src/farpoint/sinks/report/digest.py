@@ -17,7 +17,7 @@ from farpoint.sinks.report.moments import MomentSeeker
 __all__ = ["MAX_BINS", "Digest", "Series", "count_lines", "digest_motions"]
 
 MAX_BINS = 1800
-"""Points of a curve; longer runs are kept as the first, lowest and highest of each bin."""
+"""Largest number of points of a curve. Longer runs are divided into bins of several pairs."""
 
 _BINS_AT_ONCE = 10
 

@@ -25,7 +25,7 @@ def path_map(paths: Paths, unit: LengthUnit) -> str:
     left, bottom = np.floor(low / step - 0.5) * step
     right, top = np.ceil(high / step + 0.5) * step
     aside = step * np.ceil(max(0.0, 1.5 * (top - bottom) - (right - left)) / (2.0 * step))
-    left, right = left - aside, right + aside  # a narrow path gets a page of grid around it
+    left, right = left - aside, right + aside  # the map is at least 1.5 times as wide as high
     digits = max(0, 3 - math.floor(math.log10(extent)))
     breaks = np.flatnonzero(np.diff(paths.segments)) + 1
     lines = [_line(part, "c1", digits) for part in np.split(paths.x_z, breaks)]

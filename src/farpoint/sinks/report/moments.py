@@ -64,7 +64,7 @@ class MomentSeeker:
         self._usual_gap_s = np.inf
 
     def look(self, motions: Motions, quantities: Mapping[str, np.ndarray]) -> None:
-        """Examine the next rows, and the curves drawn from these rows."""
+        """Examine the next rows of ``motions.csv``, with the values of the curves in these rows."""
         counted = np.maximum(motions.far + motions.near + motions.outliers, 1)
         known = motions.status != PoseStatus.FAILED
         share = np.where(known, 100.0 * motions.outliers / counted, np.nan)
@@ -118,7 +118,7 @@ class MomentSeeker:
     def _not_ok(self, motions: Motions, row: int) -> None:
         status, place = motions.status[row], self._place(motions, row)
         stretch = self._open
-        # Rows of one stretch follow each other: the frames of the next begin where these end.
+        # The pairs of a stretch have the same status and are consecutive.
         if stretch is None or stretch.status is not status or stretch.last_frame < place[2] - 1:
             self._close()
             stretch = self._open = _Stretch(status=status, first=place, last_frame=place[2])

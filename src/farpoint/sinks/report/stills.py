@@ -13,7 +13,7 @@ __all__ = ["Still", "evenly_spaced_key_packets", "stills_at", "thumbs_of"]
 
 _WIDTH_PX, _QUALITY = 960, 74
 _THUMB_WIDTH_PX, _THUMB_QUALITY = 360, 55
-_TIME_TOLERANCE_S = 1e-4  # the film counts in ticks
+_TIME_TOLERANCE_S = 1e-4  # times in the video are rounded to ticks
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +62,7 @@ def stills_at(path: Path, times_s: Iterable[float]) -> list[Still]:
         ``packets`` must be in the order of the video.
         """
         stills: list[Still] = []
-        group: list[Any] = []  # from the last key frame on: what a picture is decoded from
+        group: list[Any] = []  # packets since the last key frame, needed to decode a picture
         for packet in packets:
             if packet.pts is None:
                 continue
@@ -85,7 +85,7 @@ def _from_video(path: Path, read: Callable[[Any, Iterable[Any]], list[Still]]) -
         with av.open(str(path)) as video:
             stream = video.streams.video[0]
             return read(stream, video.demux(stream))
-    except (av.FFmpegError, OSError, IndexError):  # no film, or none with a picture in it
+    except (av.FFmpegError, OSError, IndexError):  # no video, or a video without pictures
         return []
 
 
@@ -101,7 +101,7 @@ def evenly_spaced_key_packets(packets: Iterable[Any], count: int) -> list[Any]:
         if len(kept) > 2 * count:
             kept, step = kept[::2], 2 * step
     if len(kept) > 1:
-        kept = kept[1:]  # the first frame has no pair yet, hence nothing to show
+        kept = kept[1:]  # the first frame has no motion to show
     chosen = min(count, len(kept))
     return [kept[(2 * k + 1) * len(kept) // (2 * chosen)] for k in range(chosen)]
 

@@ -12,7 +12,7 @@ __all__ = ["TIMELINE", "layout"]
 TIMELINE = "time"
 
 _STACKED_FROM_ASPECT = 1.9  # wide images stand one above the other
-_POINTS_S = 10.0  # points are shown for so long after they were seen
+_POINTS_S = 10.0  # time for which a point is shown, s
 
 
 def layout(size: tuple[int, int], *, live: bool) -> Any:

@@ -62,11 +62,11 @@ class LiveViewer:
         self.left_out = 0
 
     def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
-        """Draw one frame, if there is room for it."""
+        """Draw one frame, or leave it out if the queue is full."""
         self.left_out += not self._sink.offer(result, image)
 
     def set_status(self, latency_s: float, dropped: int) -> None:
-        """Show the latency of the newest result, and the number of frames dropped before."""
+        """Show the latency of the newest result and the number of dropped frames."""
         self._note("set_status", latency_s, dropped)
 
     def set_link(self, link: str) -> None:
@@ -85,7 +85,7 @@ class LiveViewer:
 
 def start_live_viewer() -> subprocess.Popen[bytes]:
     """Start the process that draws, so that it is ready for the first frame."""
-    # It leaves frames out rather than wait, so it can step back far.
+    # A low priority, because a slow display leaves frames out and never blocks the session.
     return start_process(__name__, "rerun", niceness=10, RUST_LOG=QUIET)
 
 
@@ -115,6 +115,6 @@ class _Drawing(Viewer):
         self._log(moment_s, places.LINK, self._rr.StateChange(state=link))
 
     def _log(self, moment_s: float, place: str, what: Any) -> None:
-        self._recording.reset_time()  # it belongs to no frame
+        self._recording.reset_time()  # the value belongs to no frame
         self._recording.set_time(TIMELINE, timestamp=moment_s)
         self._recording.log(place, what)

@@ -17,10 +17,10 @@ from farpoint.sinks.viewer import places
 
 __all__ = ["Pictures"]
 
-# Near points last: they are fewest where it matters and must not be hidden.
+# Near points last: a few near points must not be hidden by many other points.
 _NAMES = ((TrackLabel.OUTLIER, "outliers"), (TrackLabel.FAR, "far"), (TrackLabel.NEAR, "near"))
 _JPEG_QUALITY = 80
-_HALF_PX = 0.5  # Rerun counts from the corner of the first pixel, we from its centre
+_HALF_PX = 0.5  # origin: corner of the first pixel in Rerun, centre of the first pixel here
 _MARKER = 0.012  # radius of the epipole's circle, in widths of the image
 _NOTHING = np.empty((0, 2, 2), np.float32)
 
@@ -57,7 +57,7 @@ class Pictures:
             self._recording.log(places.IMAGE, self._rr.Clear(recursive=False))
         else:
             cv2 = optional_import("cv2", extra="video", purpose="recording images")
-            # A twentieth of the raw size; Rerun shows it without anything installed.
+            # JPEG has about 5 % of the raw size, and Rerun shows it without further libraries.
             jpeg = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1]
             picture = self._rr.EncodedImage(contents=jpeg.tobytes(), media_type="image/jpeg")
             self._recording.log(places.IMAGE, picture)

@@ -46,7 +46,7 @@ def claim(options: ViewerOptions) -> Place:
     """
     require("rerun", extra="rerun", purpose="the display")
     if options.rrd is not None:
-        check_writable(options.rrd)  # Rerun would complain in a thread of its own
+        check_writable(options.rrd)  # Rerun would report the error in its own thread
     return Place(
         rrd=None if options.rrd is None else options.rrd.absolute(),
         url=open_window() if options.show else None,

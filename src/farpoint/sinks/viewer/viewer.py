@@ -26,11 +26,11 @@ from farpoint.sinks.viewer.world import World
 __all__ = ["Viewer", "open_viewer"]
 
 QUIET = "warn,re_log_encoding=off"
-"""Log level of Rerun: the sink itself reports on files."""
+"""Log level of Rerun, without messages about files: the sink itself reports file errors."""
 
 _FLUSH_EVERY_S = 1.0
 _TIMEOUT_S = 5.0
-_YEAR_2001_S = 1e9  # time stamps beyond are dates, before it they count from a start
+_YEAR_2001_S = 1e9  # larger time stamps are dates; smaller ones count from the start of a recording
 
 
 class Viewer:
@@ -81,7 +81,7 @@ class Viewer:
             self._camera = self._camera.with_size(image.shape[1], image.shape[0])
         size = self._camera.size
         if size is None:
-            return  # nothing was seen yet
+            return  # the image size is unknown before the first image
         if not self._laid_out:
             self._recording.send_blueprint(layout(size, live=self._live))
             self._laid_out = True
@@ -162,13 +162,13 @@ def open_recording(place: Place, name: str, *, endless: bool = False) -> Any:
     rr = optional_import("rerun", extra="rerun", purpose="the display")
     sinks: list[Any] = []
     if place.rrd is not None:
-        # The footer lists every piece of the file, for faster scrubbing; until the end the list is
-        # held in memory, which a session without an end cannot afford.
+        # The footer lists every piece of the file, for faster scrubbing. The list grows in memory
+        # until the end, so a session without an end writes no footer.
         sinks.append(rr.FileSink(place.rrd, write_footer=not endless))
     if place.url is not None:
         sinks.append(rr.GrpcSink(place.url))
     recording = rr.RecordingStream("farpoint")
     recording.set_sinks(*sinks)
-    recording.set_log_time_enabled(False)  # a timeline that nobody looks at
+    recording.set_log_time_enabled(False)  # the timeline of log times is not used
     recording.send_recording_name(name)
     return recording

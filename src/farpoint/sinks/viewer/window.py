@@ -14,7 +14,7 @@ __all__ = ["open_window"]
 
 _LOOPBACK = "127.0.0.1"
 _TIMEOUT_S = 20.0
-# A live session has no end, so what the viewer keeps of it must have one.
+# Memory limit of the viewer, because a live session may run without an end.
 _MEMORY = "2GB"
 
 
@@ -36,8 +36,8 @@ def open_window() -> str:
     command = [sys.executable, "-m", "rerun_cli", "--bind", _LOOPBACK, "--port", str(port)]
     process = subprocess.Popen(
         [*command, "--memory-limit", _MEMORY, "--expect-data-soon"],
-        # Rerun sends no statistics from continuous integration; the setting that a user can make
-        # for good ("rerun analytics disable") is not ours to change.
+        # With CI set, Rerun sends no usage statistics. The permanent setting of the user ("rerun
+        # analytics disable") is not changed.
         env={**os.environ, "CI": "true"},
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,

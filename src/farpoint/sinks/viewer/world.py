@@ -18,11 +18,11 @@ from farpoint.sinks.viewer import places
 __all__ = ["World", "position_region", "sparse_points"]
 
 _FARTHEST = 60.0
-"""Largest distance of drawn points, in lengths of the last step."""
+"""Largest distance of drawn points, divided by the length of the translation of the pair."""
 
 _CHI2_3_AT_95 = 7.8147  # quantile of chi-square with 3 degrees of freedom
 
-# The camera as a pyramid, in steps of the path: tip, then the corners of its picture.
+# The camera as a pyramid, in the unit of the path: tip, then the corners of the image.
 _PYRAMID = np.array([[0, 0, 0], [-1, -0.6, 1.5], [1, -0.6, 1.5], [1, 0.6, 1.5], [-1, 0.6, 1.5]])
 _EDGES = ((0, 1, 2, 0), (0, 3, 4, 0), (1, 4), (2, 3))
 

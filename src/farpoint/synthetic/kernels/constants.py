@@ -1,4 +1,4 @@
-"""Every number of the kernels of synthetic scenes that has a name: unit, meaning and origin.
+"""Named constants of the kernels of synthetic scenes: meaning, unit and origin.
 
 Origin is "derived" (from what), "convention", "measured" (by what), or "chosen" where nothing more
 is known.
@@ -27,7 +27,7 @@ FINE_TEXEL_M = 0.011
 # Size of a texel of the coarse scale, m. Chosen.
 COARSE_TEXEL_M = 0.23
 
-# Size of a texel of the clouds over their height. Chosen.
+# Size of a texel of the clouds, divided by the height of the cloud layer. Chosen.
 CLOUD_TEXEL = 0.012
 
 # Amplitude of the clouds, grey levels. Chosen.
@@ -43,18 +43,19 @@ MIN_INCIDENCE_COSINE = 0.02
 # Upper bound of the lookups along the major axis of a footprint. Chosen.
 MAX_TEXTURE_LOOKUPS = 12
 
-# Width of the texels that are read, px, at the minor axis. Derived: each level is blurred by 0.8
-# of its texels and interpolation adds 0.4; a filter of 0.6 sqrt(0.8^2 + 0.4^2) = 0.54 px.
+# Width of a texel of the mip level that is read, divided by the minor axis of the footprint of a
+# pixel. Derived: the blur of a level has a sigma of 0.8 texels and the interpolation one of 0.4
+# texels, so the sigma of the filter is 0.6 sqrt(0.8^2 + 0.4^2) = 0.54 px.
 TEXEL_WIDTH_PX = 0.6
 
-# Offset (1, 2), px, of the one sample of a pixel beside any edge. Derived.
+# Offset (1, 2), px, of the only sample of a pixel that is not at an edge. Derived.
 PIXEL_CENTRE = np.zeros((1, 2))
 
 # Samples of a pixel at an edge. Chosen.
 EDGE_SAMPLES = 16
 
-# Half-width of the filter at an edge, px. Derived: sigma 1.25 / sqrt(6) = 0.51 px, as that of the
-# textures.
+# Half-width of the tent filter at an edge, px. Derived: its sigma, 1.25 / sqrt(6) = 0.51 px, is
+# close to the 0.54 px of the texture filter.
 EDGE_HALF_WIDTH_PX = 1.25
 
 # Footprint of one sample at an edge over that of the pixel. Chosen.

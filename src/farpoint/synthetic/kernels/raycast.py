@@ -77,9 +77,9 @@ def hit_box(ray: Ray, half: Vector) -> tuple[float, int]:
 
 @step_kernel
 def hit_round(ray: Ray, radius: float, half_height: float, stretch: float) -> float:
-    """Distance to the surface of an ellipsoid or a tube.
+    """Distance to an ellipsoid, or to the side of an upright cylinder.
 
-    ``stretch`` turns the ellipsoid into a ball, and is 0 for a tube.
+    ``stretch`` is the factor on y that makes the ellipsoid a sphere; 0 for a cylinder.
     """
     (px, py, pz), (dx, dy, dz) = ray.origin, ray.direction
     qy, sy = py * stretch, dy * stretch

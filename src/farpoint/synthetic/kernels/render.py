@@ -1,4 +1,4 @@
-"""Images of a scene: one ray per pixel, or sixteen rays if the pixel or a neighbour shows an edge.
+"""Images of a scene: one ray per pixel, or sixteen rays if a neighbour shows another face.
 
 Textures are filtered over the footprint of the pixel (`farpoint.synthetic.kernels.texture`).
 Silhouettes are supersampled. A motion by a fraction of a pixel therefore changes the image as in a
@@ -54,7 +54,7 @@ def rotated(R: np.ndarray, x: float, y: float, z: float) -> Vector:
 
 @step_kernel
 def is_edge(surfaces: np.ndarray, row: int, column: int) -> bool:
-    """Whether a pixel or one of its eight neighbours shows another face."""
+    """Whether one of the eight neighbours of a pixel shows another face than the pixel."""
     here = surfaces[row, column]
     if here == 8 * NOTHING:
         return False

@@ -1,4 +1,4 @@
-"""Arrays that describe a scene to the ray caster, and numbers of the parts of a scene."""
+"""Arrays that describe a scene to the ray caster."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Blocks(NamedTuple):
         Shapes that reach into each cell of the grid. The shapes of cell ``(i, j)`` are
         ``cell_shape[cell_start[j * nx + i] : cell_start[j * nx + i + 1]]``.
     cell_top : ndarray, shape (nx * nz,)
-        y of the top of the highest shape in each cell.
+        y of the top of the highest shape in each cell; infinite for an empty cell.
     grid : ndarray, shape (6,)
         ``x, z`` of the grid's corner, m, size of a cell, m, ``nx``, ``nz``, y of the highest top.
     """

@@ -1,7 +1,8 @@
 """Grey values of surfaces over the footprint of a pixel.
 
 Points, directions and steps are tuples (x, y, z). A step is the change of the ray's direction to
-the next pixel on the right or below. The footprint is the resulting shift of the intersection.
+the next pixel on the right or below. The steps shift the intersection with the surface; the two
+shifts define an ellipse on the surface, which is the footprint of the pixel.
 """
 
 from __future__ import annotations
@@ -75,7 +76,8 @@ def box_frame(shape: np.ndarray, index: int, face: int, point: Vector) -> Frame:
 def round_frame(radius: float, slope: float, point: Vector, v: float) -> Frame:
     """Local frame of a round surface, at a point relative to its centre.
 
-    The texture is wrapped around the surface.
+    The texture is wrapped around the surface. ``slope`` is ``(radius / half_height)^2`` for an
+    ellipsoid, and 0 for a cylinder or a ring of hills.
     """
     x, y, z = point
     across = math.sqrt(x * x + z * z) + 1e-12

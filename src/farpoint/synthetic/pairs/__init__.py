@@ -1,7 +1,7 @@
 """Pairs of views on which estimators fail: one generator for each known difficulty.
 
-`KINDS` names a typical setting of each generator. A generator takes a seed; the same seed gives the
-same pair.
+`KINDS` maps names to generators with typical arguments. A generator takes a seed; the same seed
+gives the same pair.
 """
 
 from collections.abc import Callable
@@ -54,7 +54,7 @@ _WIDE = Camera.pinhole(1280, 960, 500.0, 500.0, 639.5, 479.5)
 
 
 def _through_dirt(seed: int, share: float) -> HardPair:
-    """A step of 10 cm past near and far points, with matches that stand still in the image."""
+    """A step of 10 cm past near and far points; this share of the matches stands still."""
     direction = np.random.default_rng([seed, 29]).normal(size=3)
     options = PointSceneOptions(
         camera=paper_camera(),

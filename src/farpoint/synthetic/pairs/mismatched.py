@@ -1,4 +1,4 @@
-"""Pairs with many wrong matches: anywhere, nearby, of repeated structure, along edges."""
+"""Pairs with many outliers: anywhere, near the true point, of repeated structure, along edges."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from farpoint.synthetic.points import PointSceneOptions, make_point_scene
 
 __all__ = ["court", "junk", "rails", "road", "wide_baseline"]
 
-# Walls of the court: centres, unit vectors along them, half of their widths, m.
+# Walls of the courtyard: centres, m, unit vectors along the walls, and half widths, m.
 _CENTERS = np.array([[0.0, 0.0, 22.0], [-7.0, 0.0, 17.0], [7.0, 0.0, 17.0]])
 _ALONG = np.array([[1.0, 0.0, 0.0], [0.35, 0.0, 0.94], [0.35, 0.0, -0.94]])
 _HALF_WIDTHS = np.array([6.0, 3.0, 3.0])
@@ -19,7 +19,10 @@ _WINDOWS_M, _STOREY_M = 1.5, 2.7
 
 
 def road(seed: int) -> HardPair:
-    """A road ahead: 45 matches, 25 to 120 m away, a step of 9 m; 22 matches are off by 15 px."""
+    """A road ahead: 45 matches at 25 to 120 m, 22 of them outliers, and a step of 9 m.
+
+    The errors of the outliers are normal, with a 1-sigma of 15 px in each coordinate.
+    """
     options = PointSceneOptions(
         camera=Camera.pinhole(800, 120, 718.0, 718.0, 400.0, 60.0),
         matches=45,
@@ -38,10 +41,11 @@ def road(seed: int) -> HardPair:
 
 
 def court(seed: int, *, matches: int, repeated: float, whole: bool = False) -> HardPair:
-    """A court of walls with windows: a share ``repeated`` of the matches has the wrong window.
+    """A courtyard with windows: a share ``repeated`` of the matches is on the wrong window.
 
     Two stills 5 m and 14 degrees apart, with 0.3 px of noise. Windows are 1.5 m apart. Each wrong
-    match is off by -1, 1 or 2 windows; with ``whole``, all matches of a window are off by 1 window.
+    match is off by -1, 1 or 2 windows. With ``whole``, ``repeated`` is a share of the windows, and
+    all matches on the windows of this share are off by 1 window.
     """
     camera = Camera.pinhole(3072, 2048, 2760.0, 2760.0, 1535.5, 1023.5)
     assert camera.size is not None
@@ -113,7 +117,11 @@ def _slid(
 def wide_baseline(
     seed: int, *, camera: Camera, baseline_m: float, turn_deg: float, matches: int, outliers: int
 ) -> HardPair:
-    """Near points alone, at 1.5 to 4 m; the camera turns and moves by as much, about any axis."""
+    """Near points only, at 1.5 to 4 m, and a large rotation and translation.
+
+    The rotation is ``turn_deg`` about a random axis. The translation has the length ``baseline_m``
+    and a random direction.
+    """
     turn, move = sphere.normalize(np.random.default_rng([seed, 3]).normal(size=(2, 3)))
     options = PointSceneOptions(
         camera=camera,

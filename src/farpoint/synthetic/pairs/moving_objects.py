@@ -38,7 +38,7 @@ def traffic(seed: int, *, share: float, shift_px: float, matches: int = 300) -> 
 def crossing(seed: int, *, share: float, at_rest: bool, matches: int = 300) -> HardPair:
     """One compact object with this share of the matches, which hides what is behind it.
 
-    The object moves by about 1 m on level ground. The camera drives 0.6 m, or is ``at_rest``.
+    The object moves by about 1 m, mostly horizontally. The camera drives 0.6 m, or is ``at_rest``.
     """
     rng, camera = np.random.default_rng(seed), vga_camera()
     assert camera.size is not None

@@ -1,4 +1,4 @@
-"""Pairs with all or nearly all points on a plane, which allows a second motion."""
+"""Pairs with all or nearly all points on a plane: two motions may fit (planar ambiguity)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from farpoint.synthetic.pairs.pair import HardPair, seen, vga_camera
 
 __all__ = ["floor", "ground_below", "rough_wall", "wall", "wall_ahead"]
 
-_WALL_NORMAL = np.array([0.45, -0.25, 1.0]) / 4.0  # of the plane normal . X = 1
+_WALL_NORMAL = np.array([0.45, -0.25, 1.0]) / 4.0  # n of the plane n . X = 1, 1/m
 _NOISE_PX = 0.2
 
 
@@ -30,9 +30,10 @@ def wall(seed: int, *, direction: ArrayLike, off_plane: int = 0, matches: int = 
 
 
 def rough_wall(seed: int, *, matches: int, relief: float, outlier_share: float = 0.0) -> HardPair:
-    """A wall of any slope 4 m away, whose relief has this 1-sigma as a share of the depth.
+    """A wall of random slope, 4 m away, with relief and outliers.
 
-    The step of 12 cm has any direction; outliers lie anywhere in image 1.
+    ``relief`` is the 1-sigma of the relative change of each depth. The step of 12 cm has a random
+    direction. Outliers lie anywhere in image 1.
     """
     rng, camera = np.random.default_rng([seed, matches]), vga_camera()
     points0 = _pixels(rng, matches)
@@ -48,7 +49,10 @@ def rough_wall(seed: int, *, matches: int, relief: float, outlier_share: float =
 
 
 def wall_ahead(seed: int, *, matches: int, relief: float) -> HardPair:
-    """A wall 2 m away, and a step of 20 cm up to 12 degrees off its normal."""
+    """A wall 2 m away, and a step of 20 cm to or from the wall, within 12 degrees of its normal.
+
+    ``relief`` is the 1-sigma of the relative change of each depth.
+    """
     rng, camera = np.random.default_rng([seed, matches, 11]), vga_camera()
     points0 = _pixels(rng, matches)
     normal = sphere.normalize(np.r_[rng.normal(0.0, 0.3, 2), 1.0])
