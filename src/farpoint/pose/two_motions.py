@@ -28,6 +28,7 @@ import numpy as np
 from farpoint._kernels.constants import (
     EM_ROUNDS,
     GATE_SIGMA,
+    MAX_SEARCHED,
     MIN_MATCHES,
     REMAINING_GAIN_FACTOR,
     ROUNDING,
@@ -96,6 +97,19 @@ class TwoMotions(NamedTuple):
             f"Independently moving object or repeated structure: {self.following} matches follow "
             "another motion than that of the camera."
         )
+
+
+class _Classified(NamedTuple):
+    """Two motions, the index (N,) of the motion that each match follows, and the gain.
+
+    Index 2 stands for outliers. The gain is the integrated classification likelihood minus the log
+    likelihood of one motion, both averaged over nearby poses.
+    """
+
+    first: GeneralMotionFit
+    second: GeneralMotionFit | None
+    follows: np.ndarray
+    gain: float
 
 
 def explain_by_two(
@@ -172,59 +186,75 @@ def _explanation(
     first: GeneralMotionFit,
     second: GeneralMotionFit | None,
 ) -> TwoMotions | None:
-    """The explanation near two motions, by classification EM.
+    """The explanation near two motions, found with a part of the matches, then with all of them."""
+    some = _classify(matches.subsample(MAX_SEARCHED), len(matches), fit, first, second)
+    if some is None or len(matches) <= MAX_SEARCHED:
+        found = some
+    else:
+        found = _classify(matches, len(matches), fit, some.first, some.second)
+    return None if found is None else _of_camera(matches, fit, found)
+
+
+def _classify(
+    matches: Matches,
+    total: int,
+    fit: GeneralMotionFit,
+    first: GeneralMotionFit,
+    second: GeneralMotionFit | None,
+) -> _Classified | None:
+    """Two motions near the given ones, by classification EM; None if one motion is likelier.
 
     Celeux and Govaert, Comput. Stat. Data Anal. 14, 1992, DOI 10.1016/0167-9473(92)90042-E. The
     gain is that of the integrated classification likelihood: the log likelihood minus the entropy
     of the responsibilities (Biernacki, Celeux and Govaert, IEEE PAMI 22, 2000, DOI
-    10.1109/34.865189). EM ends early if the gain would stay negative.
+    10.1109/34.865189). EM ends if the upper bound of the gain is negative. If the matches are drawn
+    from ``total`` matches, one sigma of the sampling error is added to the upper bound.
     """
-    alone, gain, follows = _log_likelihood(matches, fit), -math.inf, np.zeros(0)
+    unused = 1.0 - len(matches) / total
+    alone, gain, follows = _log_likelihoods(matches, fit), -math.inf, np.zeros(0)
     for _ in range(EM_ROUNDS):
         densities = log_densities(matches, first), _second_density(matches, first, second)
-        responsibility, log_likelihood = _mixture(matches, *densities)
+        responsibility, log_likelihoods = _mixture(matches, *densities)
         before, follows = (gain, follows), np.argmax(responsibility, axis=0)
-        counts = np.bincount(follows, minlength=3)
-        if min(counts[0], counts[1]) < MIN_MATCHES:
+        gains = log_likelihoods - _entropies(responsibility) - alone
+        gain = float(np.sum(gains)) + fit.laplace_factor - first.laplace_factor
+        if second is not None:
+            gain -= second.laplace_factor
+        sampling = math.sqrt(unused * np.var(gains) * len(matches))
+        if gain + REMAINING_GAIN_FACTOR * (gain - before[0]) + sampling < 0.0:
             return None
-        laplace = first.laplace_factor + (0.0 if second is None else second.laplace_factor)
-        gain = log_likelihood - laplace - alone - _entropy(responsibility)
-        if gain + REMAINING_GAIN_FACTOR * (gain - before[0]) < 0.0:
+        counts = np.bincount(follows, minlength=2)[:2]
+        if min(counts) < MIN_MATCHES and not unused:
             return None
-        if np.array_equal(follows, before[1]):
+        if min(counts) < MIN_MATCHES or np.array_equal(follows, before[1]):
             break
         first = refit_general_motion(matches.select(follows != 1), first)
         if second is not None:
             second = refit_general_motion(matches.select(follows != 0), second)
-    return _of_camera(matches, fit, (first, second), follows, gain / fit.neighbours.design_effect)
+    return _Classified(first, second, follows, gain)
 
 
-def _of_camera(
-    matches: Matches,
-    fit: GeneralMotionFit,
-    motions: tuple[GeneralMotionFit, GeneralMotionFit | None],
-    follows: np.ndarray,
-    log_ratio: float,
-) -> TwoMotions | None:
+def _of_camera(matches: Matches, fit: GeneralMotionFit, found: _Classified) -> TwoMotions | None:
     """The explanation in which the camera has one of the two motions; None if it has neither.
 
     The motion of the camera is that of most matches, and its residuals are independent between
     neighbours. Stationary matches are not of the camera's motion.
     """
-    counts = np.bincount(follows, minlength=2)
+    motions, counts = (found.first, found.second), np.bincount(found.follows, minlength=2)
     for k in (0, 1) if counts[0] >= counts[1] else (1, 0):
         camera, other = motions[k], motions[1 - k]
         if camera is None:
             return None
         is_dominant = counts[k] > DOMINANT_SHARE * fit.agreeing
         if is_dominant and camera.neighbours.z_score <= GATE_SIGMA:
-            kept = matches.select(follows != 1 - k)
+            kept = matches.select(found.follows != 1 - k)
+            log_ratio = found.gain / fit.neighbours.design_effect
             return TwoMotions(kept, camera, other, int(counts[1 - k]), log_ratio)
     return None
 
 
-def _mixture(matches: Matches, one: np.ndarray, two: np.ndarray) -> tuple[np.ndarray, float]:
-    """Responsibilities (3, N) and log likelihood of two motions and outliers, shares by EM."""
+def _mixture(matches: Matches, one: np.ndarray, two: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Responsibilities (3, N) and log likelihoods (N,) of two motions and outliers."""
     outliers = np.full(len(matches), -math.log(2.0 * matches.outlier_half_width))
     densities = np.stack([one, two, outliers])
     densities -= (largest := densities.max(axis=0))
@@ -235,20 +265,20 @@ def _mixture(matches: Matches, one: np.ndarray, two: np.ndarray) -> tuple[np.nda
         total = weighted.sum(axis=0)
         responsibility = weighted / total
         shares = np.maximum(responsibility.mean(axis=1), ROUNDING)
-    return responsibility, float(np.sum(np.log(total) + largest))
+    return responsibility, np.log(total) + largest
 
 
-def _entropy(responsibility: np.ndarray) -> float:
-    """Entropy of the responsibilities (3, N), summed over all matches."""
-    return -float(np.sum(responsibility * np.log(np.maximum(responsibility, ROUNDING))))
+def _entropies(responsibility: np.ndarray) -> np.ndarray:
+    """Entropy (N,) of the responsibilities (3, N) of each match."""
+    return -np.sum(responsibility * np.log(np.maximum(responsibility, ROUNDING)), axis=0)
 
 
-def _log_likelihood(matches: Matches, fit: GeneralMotionFit) -> float:
-    """Log likelihood of one motion, comparable with that of a `_mixture`; with Laplace's factor."""
+def _log_likelihoods(matches: Matches, fit: GeneralMotionFit) -> np.ndarray:
+    """Log likelihoods (N,) of one motion, comparable with those of `_mixture`."""
     share = fit.noise.outlier_share
     outliers = math.log(share / (2.0 * matches.outlier_half_width))
     inliers = math.log1p(-share) + log_densities(matches, fit)
-    return float(np.sum(np.logaddexp(inliers, outliers))) - fit.laplace_factor
+    return np.logaddexp(inliers, outliers)
 
 
 def _second_density(
