@@ -169,3 +169,8 @@ def test_a_prediction_in_another_direction_is_a_second_start():
     across = np.cross(t, [0.0, 0.0, 1.0])
     other = search_views(views, options, 0, (R, across / np.linalg.norm(across))).other
     np.testing.assert_allclose(other.direction_cam1_from_cam0 @ t, 0.0, atol=1e-12)
+    # A shutter that is global within a sigma has no rows to correct: both are compared at once.
+    camera = views.camera0.with_readout(0.0, 1e-3)
+    uncertain = views._replace(camera0=camera, camera1=camera, readout_s=None)
+    prediction = R, across / np.linalg.norm(across)
+    assert search_views(uncertain, options, 0, prediction).other is None
