@@ -206,11 +206,12 @@ def refine_if_competitive(
 ) -> tuple[bool, bool]:
     """Refine a hypothesis as long as it may come within a margin of the best pose.
 
-    The margin ``within`` is in log likelihood. The refinement stops in two cases. Either the cost
-    would stay above the margin even if it decreased by 4 times the predicted decrease plus the last
-    decrease. Or the pose has become the same mode as the best pose. The factor 4 covers effects
-    that are not part of the quadratic model: matches that become inliers, and a decrease of the
-    noise variance.
+    The cost is the negative log likelihood plus the Laplace factor, and its limit is the cost of
+    the best pose plus the margin ``within``. The refinement ends at convergence or after
+    `COARSE_STEPS` steps, and is given up earlier in two cases: the pose has become the same mode as
+    the best pose, or the upper bound of the remaining decrease does not reach the limit. The bound
+    is the sum of 4 times the predicted decrease and of the last decrease. The factor 4 covers
+    effects outside the quadratic model: matches that become inliers, and a smaller noise variance.
 
     The function returns two values: whether the refined hypothesis is within the margin and a
     different mode, and whether the initial pose of the hypothesis was within the margin.
@@ -246,9 +247,9 @@ def compare_hypothesis(
 ) -> tuple[bool, bool]:
     """Refine a hypothesis as long as it may compete, and keep the likelier pose as ``best``.
 
-    The less likely of the two poses is written to ``secondary`` if the log likelihoods differ by
-    less than `MODE_MARGIN`, the directions of the two poses differ, and the less likely pose is
-    likelier than the old ``secondary``. A hypothesis that is a twisted pair (`_is_twisted`) is kept
+    The less likely of the two poses is written to ``secondary`` if its log likelihood is at most
+    `MODE_MARGIN` (a less likely hypothesis: ``within``) below that of the other pose, their
+    directions differ by more than 20 degrees, and it is likelier than the old ``secondary``. A hypothesis that is a twisted pair (`_is_twisted`) is kept
     neither as ``best`` nor as ``secondary``. The function returns the two values of
     `refine_if_competitive`: whether the refined hypothesis is within the margin ``within`` of the
     best pose and a different mode, and whether the initial pose of the hypothesis was within the

@@ -140,13 +140,14 @@ def translation_log_ratio(
     these matches under both models.
 
     The prior of the parallax in the fit of the motion is the density of the parallax of the other
-    inliers. In this test the prior is a mixture: a share of the inliers, 0.5 or 0.9, is far. The
-    parallax of far inliers is only noise, with a mean of zero or with a common mean that the
-    rotation absorbs. The common mean and the variance of this parallax are estimated from the
-    matches that both models explain. For the estimated mean the log ratio is reduced by
-    ``log(largest parallax / standard error of the mean)`` (Laplace's method; the factor ``2 pi`` is
-    left out to account for the estimated variance). The result is the largest log ratio over both
-    shares and both means, minus ``log(2)`` for the choice between the two shares.
+    inliers. In this test a share of the inliers, 0.5 or 0.9, is far, and the prior of the fit
+    applies to the remaining share only. The parallax of far inliers has one of two distributions:
+    the noise of the motion around zero; or a common mean with a variance, both estimated from the
+    matches that both models explain. A common parallax is no evidence of a translation, because the
+    pure rotation explains it, too. For the estimated mean the log ratio is reduced by
+    ``log(largest parallax / standard error of the mean)``, at least 0 (Laplace's method without the
+    factor ``1 / sqrt(2 pi)``, because the variance is estimated, too). The result is the largest
+    log ratio over both shares and both distributions, minus ``log(2)`` for the choice of the share.
 
     Parameters
     ----------

@@ -76,8 +76,9 @@ class TwoMotions(NamedTuple):
     following : int
         Number of matches that follow the second motion.
     log_ratio : float
-        Integrated classification likelihood minus log likelihood of one motion, both averaged over
-        nearby poses, divided by the design effect.
+        Log likelihood of two motions, minus the entropy of the responsibilities, minus the log
+        likelihood of one motion; divided by the design effect. Each likelihood is averaged over
+        nearby poses before the logarithm is taken (Laplace factor).
     """
 
     matches: Matches
@@ -102,8 +103,9 @@ class TwoMotions(NamedTuple):
 class _Classified(NamedTuple):
     """Two motions, the index (N,) of the motion that each match follows, and the gain.
 
-    Index 2 stands for outliers. The gain is the integrated classification likelihood minus the log
-    likelihood of one motion, both averaged over nearby poses.
+    Index 2 stands for outliers. The gain is the log likelihood of two motions, minus the entropy of
+    the responsibilities, minus the log likelihood of one motion. Each likelihood is averaged over
+    nearby poses before the logarithm is taken (Laplace factor).
     """
 
     first: GeneralMotionFit
