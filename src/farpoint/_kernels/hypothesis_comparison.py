@@ -249,8 +249,8 @@ def compare_hypothesis(
 
     The less likely of the two poses is written to ``secondary`` if its log likelihood is at most
     `MODE_MARGIN` (a less likely hypothesis: ``within``) below that of the other pose, their
-    directions differ by more than 20 degrees, and it is likelier than the old ``secondary``. A hypothesis that is a twisted pair (`_is_twisted`) is kept
-    neither as ``best`` nor as ``secondary``. The function returns the two values of
+    directions differ by more than 20 degrees, and it is likelier than the old ``secondary``. A
+    hypothesis that is a twisted pair (`_is_twisted`) is kept neither as ``best`` nor as ``secondary``. The function returns the two values of
     `refine_if_competitive`: whether the refined hypothesis is within the margin ``within`` of the
     best pose and a different mode, and whether the initial pose of the hypothesis was within the
     margin.

@@ -106,7 +106,8 @@ def search_views(
     near = fit.at(*(each.copy() for each in predicted))
     if near.direction_cam1_from_cam0 @ fit.direction_cam1_from_cam0 > COS_NEARBY:
         return searched
-    if shutter is not None and shutter.share != 0.0:  # compared after correction of the rows, each with its own rotation
+    # With a rolling shutter both are compared after correction of the rows by their own rotation.
+    if shutter is not None and shutter.share != 0.0:
         return searched._replace(other=near)
     near = refit_general_motion(fit.matches, near)
     return searched._replace(fit=near) if near.log_evidence > fit.log_evidence else searched
