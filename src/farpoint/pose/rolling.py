@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -12,7 +13,7 @@ from farpoint._kernels.constants import ALTERNATIONS
 from farpoint.geometry import so3
 from farpoint.pose.constants import ROWS_CONVERGED_SIGMA
 from farpoint.pose.general_motion import GeneralMotionFit, refit_general_motion
-from farpoint.pose.matches import Matches, PixelMatches
+from farpoint.pose.matches import PixelMatches
 from farpoint.pose.options import RelativePoseOptions
 from farpoint.pose.result import RelativePose, TrackLabel
 from farpoint.pose.shutter import Shutter
@@ -84,11 +85,11 @@ def estimate_rolling(
         R, R_covariance, C = pose.rotation_cam1_from_cam0, pose.rotation_covariance, pose.covariance
         if R is None or R_covariance is None:
             return pose
-        assert pose.noise_px is not None
         used = np.flatnonzero(pose.labels != TrackLabel.OUTLIER)
         before, (theta, time_between) = theta, _unrolled(shutter, R, used, theta)
-        remaining = _remaining(shutter, matches, theta - before, pose.noise_px)
-        if remaining <= ROWS_CONVERGED_SIGMA or passes == ALTERNATIONS:
+        error = _remaining(shutter, theta - before)
+        sigmas = math.sqrt(error @ np.linalg.solve(R_covariance, error))
+        if sigmas <= ROWS_CONVERGED_SIGMA or passes == ALTERNATIONS:
             # The time between a match's rows is not that between the middle rows.
             by_time = np.diag([1.0 / time_between] * 3 + [1.0, 1.0])
             return replace(
@@ -123,17 +124,17 @@ def _closer_to(
         fit = refit_general_motion(matches, fit)
         used = matches.used(fit.labels)
         before, (theta, _) = theta, _unrolled(shutter, fit.R_cam1_from_cam0, used, theta)
-        if _remaining(shutter, matches, theta - before, fit.noise.sigma) <= 1.0:
+        # The 1-sigma of a rotation by all matches is less than that of a motion.
+        sigma = fit.noise.sigma / math.sqrt(np.sum(matches.precision))
+        if np.linalg.norm(_remaining(shutter, theta - before)) <= sigma:
             break
     return fit, theta
 
 
-def _remaining(shutter: Shutter, matches: Matches, change: np.ndarray, noise: float) -> float:
-    """Error of the rotation that remains after a ``change`` (3,) of the rotation, in sigmas."""
+def _remaining(shutter: Shutter, change: np.ndarray) -> np.ndarray:
+    """Error (3,) of the rotation, rad, that remains after a ``change`` (3,) of the rotation."""
     spread = abs(shutter.share) * float(np.std(shutter.phase1 - shutter.phase0))
-    # Of a rotation by all matches: the stated sigma is larger where two modes compete.
-    sigma = noise / float(np.sqrt(np.sum(matches.precision)))
-    return spread * float(np.linalg.norm(change)) / sigma
+    return spread * change
 
 
 def _unrolled(
