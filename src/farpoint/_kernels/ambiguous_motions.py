@@ -41,17 +41,21 @@ def second_planar_motion(
 ) -> bool:
     """Second motion with the same homography of a plane; False if the matches fix no plane.
 
-    The plane is ``n . X = 1`` in the axes of camera 0, with the length of the translation as the
-    unit of length. Along a ray a the inverse depth of the plane is ``n . a``. n is fitted to the
+    The plane is ``n . X = 1`` in the axes of camera 0. The unit of length is the length of the
+    translation, so ``n . a`` is the inverse depth of the plane along a ray a. n is fitted to the
     inverse depths of the matches under the motion ``R, t``. With ``tau = R^T t`` the homography of
-    the plane is ``R (I + tau n^T)``. The second motion has the same homography. The rotation
-    ``other_R`` is R times the rotation of the quaternion ``(2 + n . tau, n x tau)``, the direction
-    ``other_t`` is along ``R (2 n + n . n tau)``, and the second plane has a normal along
-    ``n + 2 tau``. For small motions, the second motion has the translation along the first normal
-    and the normal along the first translation (Longuet-Higgins, Proc. R. Soc. B 223, 1984, DOI
-    10.1098/rspb.1984.0088; relations of Malis and Vargas, INRIA RR-6303, 2007). If the second plane
-    is behind the camera for most matches, ``other_t`` is reversed. Matches with a residual beyond
-    ``gate`` are left out. The function also returns False for a plane at infinity.
+    the plane is ``R (I + tau n^T)``. The second motion, with a second plane, has the same
+    homography. Its rotation ``other_R`` is R times the rotation of the quaternion
+    ``(2 + n . tau, n x tau)`` (scalar first, not normalised), its direction ``other_t`` is along
+    ``R (2 n + (n . n) tau)``, and the normal of the second plane is along ``n + 2 tau`` (relations
+    of Malis and Vargas, INRIA RR-6303, 2007). If the translation is short compared with the
+    distance of the plane, the second translation is along the first normal, and the second normal
+    along the first translation (Longuet-Higgins, Proc. R. Soc. B 223, 1984, DOI
+    10.1098/rspb.1984.0088).
+
+    If the second plane is behind the camera for most matches, ``other_t`` is reversed. Matches with
+    an absolute Sampson residual above ``gate`` are left out. The function also returns False for a
+    plane at infinity.
     """
     inverse, accuracy, n = np.empty(count), np.empty(count), np.empty(3)
     direction = vector(t)
@@ -63,7 +67,7 @@ def second_planar_motion(
     square = dot(plane, plane)
     if not square > 1e-18:
         return False
-    # R Exp(a) = Exp(R a) R.
+    # ``apply_quaternion`` multiplies R on the left: ``R Exp(a) = Exp(R a) R``.
     w, (x, y, z) = 2.0 + dot(plane, tau), rotate(matrix(R), cross(plane, tau))
     over = 1.0 / math.sqrt(w * w + x * x + y * y + z * z + 1e-300)
     apply_quaternion(over * w, over * x, over * y, over * z, R, other_R)
@@ -97,9 +101,9 @@ def _inverse_distances(
 ) -> None:
     """Write the inverse depth of each match, and the information on the inverse depth.
 
-    The information, ``accuracy``, is the squared sine of the angle between ray and epipole: the
-    information up to a factor common to all matches. The value is 0 for a match at the epipole or
-    with a residual beyond the gate.
+    The information, ``accuracy``, is the squared sine of the angle between the ray in camera 1 and
+    the epipole, up to a factor that is the same for all matches. It is 0 for a match at the epipole
+    or with an absolute Sampson residual above ``gate``.
     """
     tau = rotate_back(R, t)
     for i in range(inverse.size):
@@ -156,12 +160,13 @@ def bas_relief_motion(
     """Bas-relief alternative of a motion; False if the near points fix no rotation.
 
     In a narrow field of view, a translation across the mean ray and a rotation cause nearly the
-    same flow of points at one depth. In the alternative motion, the rotation ``other_R`` explains
-    the flow of the near points. After this rotation, far points flow in the opposite direction, so
-    the component of the direction across the mean ray is reversed in ``other_t``. The component
-    along the mean ray is kept, because no rotation causes the flow of a translation along the mean
-    ray. Points nearer than the median depth are near points. Matches with a residual beyond
-    ``gate`` are left out.
+    same flow of points at one depth. In the alternative motion, the rotation ``other_R`` alone
+    causes the flow of the near points. This rotation moves far points by the same flow, so the
+    remaining flow of far points is opposite to the flow that the translation ``t`` causes. The
+    component of the direction across the mean ray is therefore reversed in ``other_t``. The
+    component along the mean ray is kept, because no rotation causes the flow of a translation along
+    the mean ray. Points nearer than the median depth are near points. The mean ray is that of
+    camera 1. Matches with an absolute Sampson residual above ``gate`` are left out.
     """
     M, nearness, ahead = np.empty((3, 3)), np.empty(count), np.empty(3)
     clear(M)

@@ -1,9 +1,9 @@
 """Other modes of the likelihood: nearly as likely, with another direction of translation.
 
 With little parallax, a rotation can explain most of the flow of a translation, and another
-translation explains the remaining flow. The likelihood then has several maxima, each with a small
-covariance. Such a mode is found with a subsample of the matches, and the log-likelihood ratio is
-computed with more matches.
+translation explains the remaining flow. The likelihood then has several maxima, and the covariance
+at each maximum is small. `likeliest_other_mode` searches for such a maximum with a subsample of the
+matches. `compare_with_mode` computes the log-likelihood ratio again with more matches.
 """
 
 from __future__ import annotations
@@ -34,10 +34,12 @@ def likeliest_other_mode(
 ) -> float:
     """Log-likelihood ratio of a pose to the likeliest mode in another direction.
 
-    Both likelihoods are averaged over nearby poses (Laplace). Local searches start at the rotation
-    ``start_R`` (3, 3) and each of `START_DIRECTIONS` directions, with the noise of ``pose``.
-    ``mode`` receives the likeliest mode. The ratio is infinite if no mode in another direction
-    (`COS_SAME_MODE`) has a log-likelihood ratio below `MODE_MARGIN`. ``pose`` stays unchanged.
+    Both likelihoods are averaged over nearby poses (Laplace). Refinements start at the rotation
+    ``start_R`` (3, 3), each with another one of `START_DIRECTIONS` directions, and with the noise
+    parameters of ``pose``. ``mode`` receives the likeliest mode. The ratio is infinite if no mode
+    whose direction is more than 30 degrees (`COS_SAME_MODE`) from that of ``pose`` has a
+    log-likelihood ratio below `MODE_MARGIN`. The pose is also refined before the comparison, but
+    ``pose`` itself stays unchanged.
     """
     own = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
     other = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
@@ -57,7 +59,9 @@ def likeliest_other_mode(
 def compare_with_mode(matches: PackedMatches, pose: Pose, mode: Pose) -> float:
     """Log-likelihood ratio of a pose to a given mode, which is refined in place.
 
-    The ratio is infinite if the mode converges to the direction of ``pose``.
+    Both refinements start with the noise parameters of ``pose``, which stays unchanged. The ratio
+    is infinite if the direction of the refined mode is within 30 degrees (`COS_SAME_MODE`) of that
+    of ``pose``.
     """
     own = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
     _refine_from(matches, pose.R, pose.t, pose.mixture, own)

@@ -38,7 +38,8 @@ def forget_stale(folder: Path, *called: Path) -> None:
 
     The source files are those in ``folder`` and those of ``called``, which lists folders and files.
     numba checks only the file of a kernel itself for changes, not the files of the kernels that
-    this kernel calls. After a ``git pull``, old and new kernels would therefore call each other.
+    this kernel calls, although their machine code is part of the cached code. After a ``git pull``,
+    the cached code of a kernel could therefore contain the old code of a kernel from another file.
     """
     sources = (
         source
@@ -50,7 +51,7 @@ def forget_stale(folder: Path, *called: Path) -> None:
     if cache := os.environ.get("NUMBA_CACHE_DIR"):
         kept_in.append(Path(cache) / _cache_name(folder))
     for index in (index for each in kept_in for index in each.glob("*.nbi")):
-        with suppress(OSError):  # another process may use it, or the folder is read-only
+        with suppress(OSError):  # a file in use by another process, or a read-only folder
             if index.stat().st_mtime < changed:
                 index.unlink()
 
@@ -71,13 +72,14 @@ _Decorator = Callable[[Callable[..., Any]], Any]
 # Untyped: numba's type hints lack some of its options.
 _njit: Any = numba.njit
 
-# Divisions follow IEEE 754 (inf and NaN), as in NumPy. ``fastmath`` is explicit, because by default
-# a function takes the setting of the caller for which the function is compiled first.
+# A division by 0 gives infinity or NaN, as in NumPy. ``fastmath`` is explicit, because by default a
+# function takes the setting of the caller for which the function is compiled first.
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": False, "no_cfunc_wrapper": True}
-# Sums in any order and fused multiply-adds; NaN and infinity keep their meaning.
+# LLVM may reorder sums and fuse products with sums; NaN and infinity keep their meaning.
 _SUM_OPTIONS = _OPTIONS | {"fastmath": {"reassoc", "contract", "nsz"}}
-# Kernels called by kernels only have no wrapper for Python, which takes 1/3 of the compile time;
-# Python must not call them. Tests call them, and set FARPOINT_TEST_KERNELS before the import.
+# Kernels that only kernels call are compiled without the wrapper for calls from Python, which would
+# take 1/3 of the compile time. Tests call these kernels from Python: they set FARPOINT_TEST_KERNELS
+# before the import, so that the wrappers are compiled.
 _INNER = {"no_cpython_wrapper": not os.environ.get("FARPOINT_TEST_KERNELS")}
 
 # Called by Python: cached on disk.
@@ -86,18 +88,20 @@ kernel: _Decorator = partial(_njit, cache=True, nogil=True, **_OPTIONS)
 # Called by kernels only: cached as part of the caller.
 inner_kernel: _Decorator = partial(_njit, **_OPTIONS, **_INNER)
 
-# A named part of the kernels that call it, compiled inline with their options.
+# Called by kernels only: numba copies the body into each caller, and compiles the copy with the
+# options of the caller.
 step_kernel: _Decorator = partial(_njit, inline="always", **_OPTIONS)
 
-# Body of a loop: every operation as written, inlined by LLVM.
+# Body of a loop, inlined by LLVM. Operations are neither reordered nor fused.
 inlined_kernel: _Decorator = partial(_njit, forceinline=True, **_OPTIONS, **_INNER)
 
-# A loop over matches whose sums LLVM may vectorise, and so add in another order. Only for loops
-# that write to no array: a loop that writes checks at run time whether the arrays overlap, and adds
-# one match at a time if the arrays are neighbours in memory, so the last digits of sums would
-# depend on addresses. LLVM always inlines the loop: a second copy, compiled outside the caller,
-# could add in another order, and a process that compiles the caller would use another copy than a
-# process that loads the compiled caller.
+# A loop over matches whose sums LLVM may vectorise, which changes the order of the additions. Only
+# for loops that write to no array: a loop that writes checks at run time whether the arrays
+# overlap, and adds one match at a time if the arrays are neighbours in memory, so the last digits
+# of sums would depend on addresses. LLVM always inlines the loop into the caller. A second copy,
+# compiled outside the caller, could add in another order. A process that compiles the caller would
+# use one of the two copies, a process that loads the compiled caller from the disk the other copy,
+# and their results would differ.
 sum_kernel: _Decorator = partial(_njit, forceinline=True, **_SUM_OPTIONS, **_INNER)
 
 # Called by Python: loops that may add in any order, such as those over the observations of a
@@ -105,15 +109,17 @@ sum_kernel: _Decorator = partial(_njit, forceinline=True, **_SUM_OPTIONS, **_INN
 loop_kernel: _Decorator = partial(_njit, cache=True, nogil=True, **_SUM_OPTIONS)
 
 
-# Steps of a computation that this process has done, whose kernels are compiled.
+# Names of the steps of a computation that this process has finished, so that their kernels are
+# compiled.
 _done: set[str] = set()
 _has_announced = threading.Event()
 
 
 class AnnouncedCompilation:
-    """Print a notice on standard error, once, if kernels seem to be compiled during a step.
+    """Context manager that prints a notice, once per process, if kernels are compiled inside.
 
-    A step of more than `COMPILE_NOTICE_S` counts as a compilation.
+    The code inside is one step of a computation. A step that takes longer than `COMPILE_NOTICE_S`
+    is taken as a compilation. The notice goes to standard error.
 
     Parameters
     ----------

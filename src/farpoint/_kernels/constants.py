@@ -2,8 +2,11 @@
 
 The origin is "derived" (from what), "convention", "measured" (by what), or "chosen" if no other
 origin is known. Other packages import the numbers that they share with the kernels from here. A
-number that only the kernels of one package use is in that package. A constant that is a NumPy
-integer is an argument of kernels: for a literal, numba would compile these kernels again.
+number that only the kernels of one package use is in that package. Constants that are arguments of
+kernels are NumPy integers: numba would compile a kernel again for an argument that is a literal, as
+a Python integer is.
+
+"Unit of the noise" is the unit of the noise sigma: px, or ``noise_rad`` if the user gave rays.
 """
 
 from __future__ import annotations
@@ -39,35 +42,37 @@ GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 # eigenvalues. Chosen.
 ROUNDING = 1e-12
 
-# Prevents 0 / 0 for a match at the epipole, which satisfies any epipolar plane (e = g = 0).
+# Added to the variance g of the epipolar constraint e (`epipolar`), so that the residual e /
+# sqrt(g) is not 0 / 0 for a match at the epipole, which satisfies any epipolar plane (e = g = 0).
 # Chosen: below any variance.
 TINY = 1e-300
 
-# Variance that stands for no information: of the rays of filler (`pairs`), rad^2, so that filler is
-# consistent with any pose; of an inverse distance, in the squared unit of the inverse distance.
-# Chosen.
+# Variance that stands for no information: of the rays of filler, the matches that fill up the last
+# panel (`pairs`), rad^2, so that filler is consistent with any pose; of an inverse distance, in the
+# squared unit of the inverse distance. Chosen.
 NO_INFORMATION_VARIANCE = 1e12
 
 # Lower bound of the mean variance of a match, rad^2: rounding of the rays. Chosen.
 MIN_VARIANCE_RAD2 = 1e-30
 
-# Lower bound of the outlier probability, for logarithms. Derived: rounding of 1.
+# Lower bound of the outlier probability of a match, so that its logarithm is finite. Derived:
+# rounding of 1.
 MIN_OUTLIER_PROBABILITY = 1e-16
 
 # Lower bound of the outlier probability of a match under the general motion and under the pure
-# rotation, for logarithms and odds. Chosen: rounding of 1.
+# rotation, so that logarithms and odds are finite. Chosen: rounding of 1.
 MIN_MODEL_PROBABILITY = 1e-15
 
-# Lower bound of the parallax prior of a match. A match whose parallax no other match supports then
-# is an outlier with a finite cost. Chosen.
+# Lower bound of the parallax prior of a match whose parallax no other match supports. With this
+# prior the match is an outlier; a prior of 0 would leave the match out of the likelihood. Chosen.
 MIN_PARALLAX_PRIOR = 1e-30
 
 # Share of the tail if the noise variance has an upper bound: no tail, but larger than 0, because
 # the prior of the share contains the logarithm of the share. Chosen.
 NO_TAIL_SHARE = 1e-9
 
-# Variance of the core, in squared units of the noise, so large that all matches have the same
-# robust weight, as in least squares. Chosen.
+# Variance of the core of the inliers, in squared units of the noise, that is so large that all
+# matches have the same robust weight, as in least squares. Chosen.
 UNIFORM_WEIGHTS_VARIANCE = 1e20
 
 # --- Statistics
@@ -76,12 +81,13 @@ UNIFORM_WEIGHTS_VARIANCE = 1e20
 # and at which a Gaussian fall-off ends. Convention: 3 sigma, exceeded with a probability of 0.0027.
 GATE_SIGMA = 3.0
 
-# Degrees of freedom of Student's t, which has the tails of residuals of tracks. Convention.
+# Degrees of freedom of Student's t distribution, whose tails are similar to the tails of the
+# residuals of tracks. Convention.
 STUDENT_FREEDOM = 5.0
 
 # Number of parameters of a motion up to scale, and number of matches that fix the motion. The
-# effective number of matches divided by this number is that along one axis of the pose. Derived:
-# rotation (3), direction (2).
+# effective number of matches divided by this number is the effective number along one axis of the
+# pose. Derived: rotation (3), direction (2).
 POSE_PARAMETERS = 5
 
 # Least number of matches for a motion, and for any group of matches that is tested or fitted by
@@ -119,18 +125,19 @@ ALTERNATIONS = 4
 # Upper bound of the repetitions of the average of the covariance over nearby poses. Chosen.
 OUTER_ROUNDS = 3
 
-# Angle, rad, up to which the second order of a rotation is within the noise. Newton's method for
-# five rays ends at a step of this length, and rays are linear in a rotation up to this angle.
-# Derived: the second order is 5e-5 rad.
+# Angle, rad, up to which the second-order term of a rotation is smaller than the noise. Newton's
+# method for five rays ends at a step of this length, and rays are taken as linear in a rotation up
+# to this angle. Derived: the second-order term is 5e-5 rad.
 LINEAR_STEP_RAD = 0.01
 
-# Predicted decrease of the cost, in log likelihood, at which a coarse refinement ends: that of a
-# hypothesis, of the two motions of a plane, and the first of a general motion. Also the change of
-# the log likelihood at which EM of the relief of a plane ends. Chosen.
+# Predicted decrease of the cost, in log likelihood, at which a coarse refinement ends: the
+# refinement of a hypothesis, of the two motions of a plane, and the first of the two refinements of
+# a general motion. Also the change of the log likelihood at which EM of the relief of a plane ends.
+# Chosen.
 COARSE_TOLERANCE = 0.1
 
-# Predicted decrease of the cost, in log likelihood, at which the last refinement ends. Derived: a
-# step of 1/30 sigma.
+# Predicted decrease of the cost, in log likelihood, at which the second of the two refinements of a
+# general motion ends. Derived: a step of 1/30 sigma.
 FINE_TOLERANCE = 1e-3
 
 # Predicted decrease of the cost, in log likelihood, at which the refinement by half of the matches
@@ -186,9 +193,9 @@ TERMS = int(_TERM_ROWS) * LANES
 # lower triangle each.
 SUMS_OF_FOUR, SUMS_OF_FIVE, SUMS_OF_SIX = ((0.0,) * sum(range(rows + 1)) for rows in range(4, 7))
 
-# State of a refinement between steps: lowest cost, mean weighted squared residual of the inliers
-# at that cost, Levenberg damping, over-relaxation of EM (1 or 0), predicted decrease of the last
-# step in log likelihood. Derived: indices.
+# Indices of the array that keeps the state of a refinement between steps: lowest cost; mean
+# weighted squared residual of the inliers at that cost; Levenberg damping; over-relaxation of EM (1
+# or 0); predicted decrease of the last step in log likelihood. Derived.
 STATE_LOWEST, STATE_SQUARE, STATE_DAMPING, STATE_OVER_RELAXED, STATE_PREDICTED_DECREASE = range(5)
 
 # Layout of the array that keeps the likeliest pose: rotation (9), direction, mixture, normal
@@ -208,14 +215,15 @@ FAR_START_SAMPLES = np.int64(50)
 # Chosen: one more than the two that fix a rotation.
 ROTATION_SAMPLE = 3
 
-# Factor by which the tolerance is widened if no match beside the sample is consistent with a
-# rotation. Chosen.
+# Factor by which the tolerance is widened if only the matches of the sample are consistent with the
+# rotation of the far matches. Chosen.
 TOLERANCE_WIDENING = 4.0
 
 # Upper bound of the times that the tolerance is widened. Chosen.
 TOLERANCE_WIDENINGS = 8
 
-# Number of pairs of matches whose intersections are the initial directions. Chosen.
+# Number of pairs of matches that give the initial directions of the search: the intersections of
+# the two great circles. Chosen.
 INITIAL_PAIRS = np.int64(16)
 
 # Median flow after the far rotation, rad, beyond which Newton's method does not converge reliably
@@ -241,27 +249,31 @@ RELATED_CONSENSUS = 0.4
 # Upper bound of the steps of Newton's method for five rays. Chosen.
 FIVE_RAY_STEPS = 7
 
-# Length of the longest step of Newton's method for five rays, rad. Chosen.
+# Upper bound of the length of a step of Newton's method for five rays, rad. Chosen.
 LONGEST_FIVE_RAY_STEP = 0.5
 
-# Ratio of the truncated sum of squares (`five_rays.score_pose`) of a hypothesis to the lowest sum
-# so far; a hypothesis with a larger ratio is not refined. Chosen.
+# Largest ratio of the truncated sum of squares (`five_rays.score_pose`) of a hypothesis to the
+# lowest sum so far; a hypothesis with a larger ratio is not refined. Chosen.
 MAX_SCORE_RATIO = 2.0
 
-# Ratio of the support of a hypothesis (largest possible minus actual truncated sum of squares) to
-# the highest support so far; a hypothesis with a smaller ratio is not refined. Chosen.
+# Least ratio of the support of a hypothesis to the highest support so far; a hypothesis with a
+# smaller ratio is not refined. The support is the largest possible minus the actual truncated sum
+# of squares. Chosen.
 MIN_SUPPORT_RATIO = 0.5
 
 # --- Comparison of hypotheses and modes
 
-# Margin in log likelihood within which two modes count as close. Chosen.
+# Difference of log likelihoods up to which two modes are taken as competing. Chosen.
 MODE_MARGIN = 30.0
 
-# Margin in log likelihood between the two motions of a plane, which differ by chance, for
-# `MAX_SEARCHED` matches; the margin grows with the square root of the number of matches. Chosen.
+# Difference of log likelihoods up to which the two motions of a plane are taken as competing, for
+# `MAX_SEARCHED` matches. The log likelihoods differ by chance, by an amount that is proportional to
+# the square root of the number of matches. The limit is therefore scaled by the same square root.
+# Chosen.
 PLANAR_MARGIN = 100.0
 
-# Cosine of the angle (20 deg) beyond which two directions are different modes. Chosen.
+# Two directions belong to different modes of the search if the cosine of the angle between them is
+# below this number. Chosen: 20 deg.
 COS_DIFFERENT_MODE = 0.94
 
 # Cosine of the angle between two directions, above which both belong to the same mode in
@@ -269,11 +281,13 @@ COS_DIFFERENT_MODE = 0.94
 # deg.
 COS_SAME_MODE = math.cos(math.radians(30.0))
 
-# Number of initial directions, evenly over the sphere. Chosen.
+# Number of initial directions, evenly over the sphere, of the refinements in `competing_modes`.
+# Chosen.
 START_DIRECTIONS = 12
 
-# Upper bound of the remaining gain of a refinement: this factor times the predicted decrease, plus
-# the last decrease. Chosen.
+# The upper bound of the remaining decrease of the cost in a refinement is this factor times the
+# decrease that is predicted for the next step, plus the last decrease. In EM of two motions, the
+# factor is on the last decrease. Chosen.
 REMAINING_GAIN_FACTOR = 4.0
 
 # Difference in log likelihood within which two hypotheses are the same mode. Chosen.
@@ -308,10 +322,10 @@ PRIOR_SHARE = 0.01
 # some residuals of the tail. Chosen.
 PRIOR_WEIGHT = 20.0
 
-# Over-relaxation of EM: factor on the share of the tail. Chosen.
+# The over-relaxation of EM is this factor times the share of the tail. Chosen.
 OVER_RELAXATION = 3.0
 
-# Over-relaxation of EM: upper bound. Chosen.
+# Upper bound of the over-relaxation of EM. Chosen.
 MAX_OVER_RELAXATION = 0.7
 
 # Flow away from the direction, in sigma, up to which noise explains the flow of a far point.
@@ -330,16 +344,17 @@ MIN_PENALISED_INLIERS = 0.01
 # residual of the match. Chosen.
 MAX_CHEIRALITY_PENALTY = 64.0
 
-# Half-width of the outlier strip over the scale of the Cauchy distribution of repeated structure.
-# Half of the distribution lies within plus or minus the scale. Chosen.
+# Half-width of the outlier strip divided by the scale of the Cauchy distribution of repeated
+# structure. 50 % of the distribution lies within plus or minus the scale. Chosen.
 REPEATED_WIDTH_RATIO = 32.0
 
-# Upper bound of the inlier probability, for the odds of the sign. Chosen.
+# Upper bound of the inlier probability of a match in the log odds of the sign of the direction
+# (`evidence.label_matches`). Chosen.
 MAX_SIGN_PROBABILITY = 0.99
 
 # --- Parallax
 
-# Longest candidate for the length in `parallax_noise`, over the mean parallax; each further
+# Longest candidate for the length in `parallax_noise`, divided by the mean parallax; each further
 # candidate is half of the previous one. Chosen.
 LONGEST_PARALLAX_LENGTH = 4.0
 
@@ -350,7 +365,7 @@ PARALLAX_LENGTHS = 9
 # Derived: constant noise exceeds the limit in 1 of 2000 cases.
 SCALING_NOISE_LIMIT = 11.0
 
-# Lower bound of the absolute residual over sigma, for its logarithm. Chosen.
+# Lower bound of the absolute residual divided by sigma, where its logarithm is taken. Chosen.
 MIN_LOG_RESIDUAL = 0.1
 
 # Probability that more outliers than assumed lie on the epipolar lines of any direction by chance.
@@ -382,28 +397,32 @@ UNIFORM_COUNT = 0.5
 
 # --- Plane and pure rotation
 
-# Prior of the share of matches off the plane, which lie anywhere on their epipolar lines:
-# pseudo-count of matches off the plane. An outlier or two lie on the lines of any motion. Chosen.
+# Beta prior of the share of matches off the plane, which lie anywhere on their epipolar lines:
+# pseudo-count of matches off the plane. It is larger than 0, because one or two outliers lie on the
+# epipolar lines of any motion by chance. Chosen.
 OFF_PLANE_MATCHES = 4.0
 
-# Prior of the share of matches off the plane: pseudo-count of all matches. Chosen.
+# Beta prior of the share of matches off the plane: pseudo-count of all matches. Chosen.
 OFF_PLANE_PRIOR_MATCHES = 40.0
 
-# Weight, in matches, of the prior of the variance across the epipolar lines. Chosen.
+# Weight, in matches, of the prior of the variance of the offsets from a plane across the epipolar
+# lines. The prior value is the variance of the noise. Chosen.
 RELIEF_PRIOR_MATCHES = 60.0
 
 # Lower bound of the share of information that remains although outliers are unknown. Chosen.
 MIN_KNOWN_SHARE = 0.1
 
-# Prior share of far points under the motion model; the better one counts. Chosen.
+# Candidates for the prior share of far points among the inliers of a general motion; the likelier
+# candidate counts. Chosen.
 FAR_SHARES = (0.5, 0.9)
 
 # --- Information and covariance
 
-# Distance to the epipole, in sigma of the flow, below which a match is left out. Chosen.
+# Distance to the epipole, in sigma of the flow, below which a match is left out of the information
+# on the pose. Chosen.
 EPIPOLE_DISTANCE_SIGMA = 8.0
 
-# Upper bound of the leverage in the correction of the scatter. Chosen.
+# Upper bound of the leverage h in the factor 1 / (1 - h) on the scatter (`information`). Chosen.
 MAX_LEVERAGE = 0.9
 
 # Relative change of the variance of the inverse depths at convergence. Chosen.
@@ -421,7 +440,8 @@ MIN_SIGNAL_NEARBY = 0.25
 # scatter of the gradient have the same weight; few matches have an uncertain scatter. Chosen.
 MODEL_VARIANCE_WEIGHT = 120.0
 
-# Upper bound of the relative excess of the average over the covariance at the pose. Chosen.
+# Upper bound of (average - C) / C along any axis of the pose, where C is the covariance at the
+# pose, and the average is that of the covariance over nearby poses. Chosen.
 MAX_COVARIANCE_EXCESS = 8.0
 
 # Growth of the variance of the direction above which the average of the covariance is repeated, as
@@ -457,10 +477,10 @@ MAX_SPLIT_RATIO = 50.0
 # Number of grids of rounded coordinates: 1, 1/2 and 1/4 px. Convention: pyramids of detectors.
 PIXEL_GRIDS = np.int64(3)
 
-# Lower bound of the noise sigma of a rounded coordinate, over the grid step: the displacement
-# between two rounded places has an error of up to one step. With less noise, matches that jump to
-# the next pixel would be outliers, and all others would prove that the camera stands still.
-# Chosen.
+# Lower bound of the noise sigma of a rounded coordinate, divided by the grid step: the displacement
+# between two rounded places has an error of up to one step. With a smaller sigma, matches that jump
+# to the next pixel would be outliers, and the matches that do not jump would make the camera appear
+# static. Chosen.
 GRID_SIGMA = 0.5
 
 # --- Compilation

@@ -34,8 +34,8 @@ __all__ = [
     "step_with_shrunk_flow",
 ]
 
-# Measured flow, or flow shrunk as in `information`. NumPy booleans: numba would compile the kernels
-# twice for literals.
+# Values of the argument ``shrunk_flow``: measured flow, or flow shrunk as in `information`. NumPy
+# booleans, because numba would compile the kernels once for each of the literals True and False.
 MEASURED_FLOW, SHRUNK_FLOW = np.bool_(False), np.bool_(True)
 
 
@@ -47,12 +47,13 @@ def covariance_here(
 
     The covariance is the sandwich ``H^-1 V H^-1``. H is the Gauss-Newton matrix of `information`.
     Without ``shrunk_flow``, the part of H that is due to noise is subtracted. V is the variance of
-    the gradient: a weighted mean of the Gauss-Newton matrix and the scatter over the matches. The
-    weight of the scatter grows with the effective number of matches. The function returns whether,
-    along every axis, at least a share ``least`` of the Gauss-Newton matrix remains after the part
-    that is due to noise is subtracted. If less remains and the flow is not shrunk, ``out`` is
-    infinite. ``out`` is also infinite if the matches determine no pose, or if the mixture
-    components of all matches are uncertain.
+    the gradient: a weighted mean of the Gauss-Newton matrix and of the scatter of the gradient
+    (`information`). The weight of the scatter increases with the effective number of matches.
+
+    The function returns whether, along every axis, at least a share ``least`` of the Gauss-Newton
+    matrix remains after the part that is due to noise is subtracted. If less remains and the flow
+    is not shrunk, ``out`` is infinite. ``out`` is also infinite if the matches determine no pose,
+    or if the mixture components of all matches are uncertain.
     """
     normal, noise, spare = np.empty((6, 6)), np.empty((5, 5)), np.empty((5, 5))
     scatter, variance, whole = np.empty((5, 5)), np.empty((5, 5)), np.empty((5, 5))
@@ -116,9 +117,11 @@ def _estimated_noise_factor(inliers: float, effective: float) -> float:
 def finite_sample_inflation(freedom: float) -> float:
     """Inflation of a covariance whose noise variance was estimated with f degrees of freedom.
 
-    Squared errors have the distribution ``5 F(5, f)``. Compared with a known variance, the
-    expectation of squared errors is larger by the factor ``f / (f - 2)``, and the 95 % quantile by
-    the factor ``1 + 4 / f + 12 / f^2`` (to 3 %). The inflation is the mean of these two factors.
+    With an estimated noise variance, the squared Mahalanobis distance of a pose from the true pose
+    has the distribution ``5 F(5, f)``. With a known variance, this distance would have a
+    chi-squared distribution with 5 degrees of freedom. The estimate of the variance multiplies the
+    expectation by ``f / (f - 2)``, and the 95 % quantile by ``1 + 4 / f + 12 / f^2`` (to 3 %). The
+    inflation is the mean of these two factors.
     """
     on_average, for_most = freedom / (freedom - 2.0), 1.0 + (4.0 + 12.0 / freedom) / freedom
     return 0.5 * (on_average + for_most)
@@ -129,7 +132,7 @@ _finite_sample_inflation = inlined_kernel(finite_sample_inflation)
 
 @inlined_kernel
 def _add_direction_prior(information: np.ndarray) -> None:
-    """Add a prior of 1 rad sigma on the direction, because the sphere is bounded."""
+    """Add a prior with a sigma of 1 rad on the direction, which bounds the covariance."""
     for i in (3, 4):
         information[i, i] += 1.0
 
@@ -144,12 +147,15 @@ def covariance_around(
 ) -> None:
     """Mean ``out`` (5, 5) of the covariance over the poses within one sigma of this pose.
 
-    The mean is computed to second order: the ``covariance`` at this pose plus an excess. The excess
-    is a sum over the principal axes. Each axis contributes the mean excess at the two poses one
-    sigma from this pose along the axis, weighted by the likelihoods of these poses. Along every
-    axis the excess is limited to between 0 and `MAX_COVARIANCE_EXCESS` times the covariance. If the
-    variance of the direction grows by a factor above `REPEAT_AVERAGE_ABOVE`, but stays below
-    `MAX_DIRECTION_VARIANCE`, the mean is computed again over the larger covariance.
+    The mean is computed to second order. x is the pose of ``point``, C(x) is the covariance at the
+    pose x by `covariance_beside`, s_k is one sigma along the k-th principal axis of ``covariance``,
+    and w_k is the likelihood at ``x + s_k`` divided by the sum of the likelihoods at ``x + s_k``
+    and ``x - s_k``. The excess is ``sum_k [w_k C(x + s_k) + (1 - w_k) C(x - s_k) - C(x)]``. Along
+    every axis the excess is limited to between 0 and `MAX_COVARIANCE_EXCESS` times ``covariance``.
+    The mean is ``covariance``, the covariance at ``point``, plus the limited excess. If the
+    variance of the direction increases by a factor above `REPEAT_AVERAGE_ABOVE`, but stays below
+    `MAX_DIRECTION_VARIANCE`, the mean is computed again with the axes and sigmas of the larger
+    covariance.
     """
     allowed = np.empty((5, 5))
     copy(covariance, out)
@@ -173,7 +179,7 @@ def _average(
     allowed: np.ndarray,
     out: np.ndarray,
 ) -> None:
-    """The ``covariance`` (5, 5) plus the excess at the poses one sigma of ``allowed`` away."""
+    """``covariance`` plus the excess of `covariance_around`; s_k are those of ``allowed``."""
     steps, variances = np.empty((5, 5)), np.empty(5)
     excess, half = np.empty((5, 5)), np.empty((5, 5))
     _half_axes(allowed, steps, variances)
@@ -233,8 +239,8 @@ def _mean_excess(
     The rows of ``steps`` (5, 5) are the steps to nearby poses, one for each principal axis. ``out``
     is a sum over the axes. Each axis contributes the mean excess at the poses moved by plus and
     minus the step, weighted by the likelihoods of the two poses (`_log_likelihood_beside`). If
-    `covariance_beside` finds no covariance at a pose, 1 + `MAX_COVARIANCE_EXCESS` times
-    ``covariance`` is used.
+    `covariance_beside` finds no covariance at a pose, ``(1 + MAX_COVARIANCE_EXCESS) covariance`` is
+    used.
     """
     back = np.empty(5)
     clear(out)
@@ -296,10 +302,10 @@ def covariance_beside(
     """Covariance ``out`` (5, 5) if the true pose is that of ``point`` moved by a ``step`` (5,).
 
     The covariance is computed at the moved pose, as by `covariance_here`, and then transformed to
-    the tangent basis of the direction of ``point``. The scatter of the gradients is not used,
+    the tangent basis of the direction of ``point``. The scatter of the gradient is not used,
     because the moved pose is not a maximum of the likelihood. The function returns False if along
     some axis less than a share `MIN_SIGNAL_NEARBY` of the Gauss-Newton matrix remains after the
-    part that is due to noise is subtracted.
+    part that is due to noise is subtracted. With ``shrunk_flow``, nothing is subtracted.
     """
     moved_R, moved_t, there = np.empty((3, 3)), np.empty(3), np.empty((5, 5))
     normal, noise, scatter = np.empty((6, 6)), np.empty((5, 5)), np.empty((5, 5))

@@ -29,10 +29,11 @@ def correlation_and_design_effect(
 ) -> tuple[float, float, float]:
     """Correlation of neighbouring inlier residuals, z-score of this correlation, `design_effect`.
 
-    The correlation is that of `residual_correlation.patch_correlation`, with every match in a patch
-    of its own, so that two detections of the same point count as neighbours, too. With fewer than
-    `MIN_CORRELATED_MATCHES` inliers the results are 0, 0 and 1. The design effect is 1 if the
-    z-score is below `CORRELATED_Z`.
+    The correlation is that of `residual_correlation.patch_correlation`. Every match is a patch of
+    its own, so that two detections of the same point count as neighbours, too. The z-score is the
+    correlation times the square root of the number of inliers that were compared with a neighbour.
+    With fewer than `MIN_CORRELATED_MATCHES` inliers the results are 0, 0 and 1. The design effect
+    is 1 if the z-score is below `CORRELATED_Z`.
     """
     rows = _right(inlier, count)
     if rows.size < MIN_CORRELATED_MATCHES:
@@ -48,7 +49,7 @@ def correlation_and_design_effect(
 
 @step_kernel
 def _each_by_itself(count: int) -> np.ndarray:
-    """Patch numbers that put each match into a separate patch."""
+    """Patch numbers, a different one for each match."""
     patch = np.empty(count, np.int64)
     for i in range(count):
         patch[i] = i
@@ -74,10 +75,11 @@ def design_effect(pairs: np.ndarray, residual: np.ndarray, rows: np.ndarray, sig
     """Variance of sums of residuals, divided by that of independent residuals (Kish's deff).
 
     The image is divided into 16 parts, of which p contain matches. S is the sum of the n residuals
-    of a part, each clipped to `GATE_SIGMA`. If residuals are independent, the sum of ``S^2 / n``
-    over the p parts has the expectation ``p - 5`` times the mean squared residual, because the pose
-    has 5 degrees of freedom. The result is the sum divided by this expectation (Kish, "Survey
-    Sampling", 1965), or 1 if p is at most 5. Only the matches in ``rows`` count.
+    of a part, each divided by ``sigma`` and clipped to +-`GATE_SIGMA`. If residuals are
+    independent, the sum of ``S^2 / n`` over the p parts has the expectation ``p - 5`` times the
+    mean squared residual, because the pose has 5 degrees of freedom. The result is the sum divided
+    by this expectation (Kish, "Survey Sampling", 1965), or 1 if p is at most 5. Only the matches in
+    ``rows`` count.
     """
     parts, sums, sizes = _parts(pairs, rows), np.empty(IMAGE_PARTS), np.empty(IMAGE_PARTS)
     clear(sums)

@@ -33,7 +33,10 @@ __all__ = ["intersect_circles", "pairwise_direction"]
 
 @inlined_kernel
 def circle(pairs: np.ndarray, R: Matrix, i: int) -> tuple[Vector, Vector]:
-    """Normal ``m x b`` (not normalised) and flow ``b - m`` of match ``i`` with ``m = R a``."""
+    """Great circle of match ``i``: normal ``m x b``, not normalised, and flow ``b - m``.
+
+    ``m`` is ``R a``.
+    """
     at = address(i)
     m = rotate(R, ray0(pairs, at))
     flow = axpby(1.0, ray1(pairs, at), -1.0, m)
@@ -69,10 +72,11 @@ def pairwise_direction(
     """Weighted sum of all pairwise intersections, by match (Burschka and Mair 2008, eqs. 14-17).
 
     ``partial[i]`` (N, 3) receives ``sum_j w_i w_j c_ij (n_i x n_j)`` with unit normals n. The
-    length of the cross product, the sine of the angle between both circles, is a weight of the
-    pair. The sign c = +-1 is such that the sum of both flows, as unit vectors, points towards the
-    intersection. Each pair is in two rows, so the sum over all rows is twice the sum over all
-    pairs. To leave out a match, subtract the row of the match from the sum over all pairs.
+    length of the cross product is the sine of the angle between the two circles, and so is part of
+    the weight of the pair. The sign c = +-1 is such that the sum of both flows, as unit vectors,
+    points towards the intersection. Each pair is in two rows, so the sum over all rows is twice the
+    sum over all pairs. To leave out a match, subtract the row of the match from the sum over all
+    pairs.
     """
     n = weight.size
     rotation = matrix(R)

@@ -1,13 +1,14 @@
 """Sampson residual of a match and its full derivative.
 
 For unit rays ``a`` (camera 0) and ``b`` (camera 1), ``m = R a`` and unit ``t``, the epipolar
-constraint is ``e = b . (t x m) = 0``. With the covariances ``S_a`` and ``S_b`` of the rays for unit
-noise, the variance of ``e`` is to first order ``sigma^2 g`` with
+constraint is ``e = b . (t x m) = 0``. sigma is the noise of one coordinate, and ``S_a`` and ``S_b``
+are the covariances of the rays for sigma = 1. The variance of ``e`` is to first order ``sigma^2 g``
+with
 
     g = q . R S_a R^T q + n . S_b n,     q = b x t,  n = t x m,     r = e / sqrt(g),
 
-and ``r`` is distributed as one coordinate of the noise. ``g`` depends on the pose, too. Without the
-derivative of ``g`` the direction is 2.5 times less accurate at small baselines.
+so the Sampson residual ``r`` has the standard deviation sigma. ``g`` depends on the pose, too.
+Without the derivative of ``g`` the direction is 2.5 times less accurate at small baselines.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ __all__ = [
 def _constraint(
     pairs: np.ndarray, at: int, R: Matrix, t: Vector
 ) -> tuple[Vector, Vector, Vector, Vector, Vector, float, float]:
-    """``m``, ``b``, ``q``, ``w = R S_a R^T q``, ``z = S_b n``, ``e`` and ``g``."""
+    """``m``, ``b``, ``q``, ``w = R S_a R^T q``, ``z = S_b n``, ``e``, ``g``; see above."""
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
     n, q = cross(t, m), cross(b, t)
     w = rotate(R, noise0(pairs, at, rotate_back(R, q)))
@@ -54,7 +55,7 @@ def _constraint(
 
 @inlined_kernel
 def sampson(pairs: np.ndarray, at: int, R: Matrix, t: Vector) -> float:
-    """Residual of the match at the address ``at``, in units of the noise."""
+    """Sampson residual ``r`` of the match at the address ``at``, in the unit of the noise sigma."""
     _, _, _, _, _, e, g = _constraint(pairs, at, R, t)
     return e / math.sqrt(g)
 
@@ -93,7 +94,7 @@ def sampson_jacobian(
 
 @inlined_kernel
 def flow_along(m: Vector, b: Vector, t: Vector) -> tuple[float, float]:
-    """Signed flow from ``m`` to ``b`` towards ``t``, and squared sine of the angle of ``m``, ``t``.
+    """Signed flow from ``m`` to ``b`` towards ``t``; squared sine of the angle from ``m`` to ``t``.
 
     With ``a = t - (m . t) m`` the flow is ``b . a`` and the squared sine is ``a . a``. A short flow
     is therefore the angle from ``m`` to ``b`` along the great circle through ``m`` and ``t``, times
@@ -105,7 +106,7 @@ def flow_along(m: Vector, b: Vector, t: Vector) -> tuple[float, float]:
 
 @inlined_kernel
 def parallax_variance(pairs: np.ndarray, at: int, R: Matrix, m: Vector, t: Vector) -> float:
-    """Variance of the flow of `flow_along`, for unit noise."""
+    """Variance of the flow of `flow_along`, for a noise sigma of 1."""
     along = axpby(1.0, t, -dot(m, t), m)
     back = rotate_back(R, along)
     return dot(back, noise0(pairs, at, back)) + dot(along, noise1(pairs, at, along))
@@ -115,10 +116,11 @@ def parallax_variance(pairs: np.ndarray, at: int, R: Matrix, m: Vector, t: Vecto
 def shift_jacobian(
     pairs: np.ndarray, at: int, R: Matrix, t: Vector, basis: tuple[Vector, Vector]
 ) -> tuple[float, float, float, float, float, float]:
-    """Derivative of the flow over its sigma by ``[dtheta (3), dbeta (2)]``, and the ratio itself.
+    """Derivative of ``flow / s`` by ``[dtheta (3), dbeta (2)]``, and ``flow / s`` itself.
 
-    The flow is that of `flow_along`. The sigma is taken as constant, because the sigma hardly
-    changes with the pose, within the uncertainty of the pose.
+    The flow is that of `flow_along`, and s is its standard deviation for a noise sigma of 1
+    (`parallax_variance`). The derivative of s is neglected, because s hardly changes within the
+    uncertainty of the pose.
     """
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
     flow, _ = flow_along(m, b, t)
@@ -131,11 +133,10 @@ def shift_jacobian(
 
 @inlined_kernel
 def variances(pairs: np.ndarray, at: int, R: Matrix, t: Vector) -> tuple[float, float]:
-    """Variance ``g`` of the constraint, and variance of the flow given the constraint.
+    """Variance ``g`` of the constraint, and conditional variance of the flow given the constraint.
 
-    Both variances are for unit noise.
-
-    The flow is that of `flow_along`. With anisotropic noise, flow and constraint are correlated.
+    Both variances are for a noise sigma of 1. The flow is that of `flow_along`. With anisotropic
+    noise, flow and constraint are correlated.
     """
     m, _, _, w, z, _, g = _constraint(pairs, at, R, t)
     along = axpby(1.0, t, -dot(m, t), m)

@@ -1,4 +1,4 @@
-"""Labels of the matches, and evidence for sign, motion and translation of a pose."""
+"""Labels of the matches; log odds of a direction and a motion; matches beyond a rotation."""
 
 from __future__ import annotations
 
@@ -35,11 +35,12 @@ def label_matches(
 
     ``labels`` (N,) receives 0 for an outlier or a match with a parallax of -`GATE_SIGMA` sigma or
     less, 2 for an inlier with a parallax above `GATE_SIGMA` sigma, and 1 for any other match. The
-    log odds of the sign compare the direction with the opposite direction. The log odds of the
-    motion compare the motion with the hypothesis that all matches are outliers; ``outlier_share``
-    is the share of outliers under the motion.
+    log odds of the sign are those of the direction against the opposite direction. The log odds of
+    the motion are those of the motion against the hypothesis that all matches are outliers;
+    ``outlier_share`` is the share of outliers under the motion.
 
-    P is the inlier probability of a match, and s the parallax of the match in sigma. The match adds
+    P is the inlier probability of a match, at most `MAX_SIGN_PROBABILITY`, s is the parallax of the
+    match divided by ``sigma``, and Phi is the standard normal distribution function. The match adds
     ``log((P Phi(s) + (1 - P) / 2) / (P Phi(-s) + (1 - P) / 2))`` to the log odds of the sign.
     """
     agreeing = 0
@@ -66,11 +67,11 @@ def count_beyond_rotation(
     """Number of inliers that the best of three rotations does not explain, and of all inliers.
 
     A rotation explains an inlier if the distance of the match from the prediction of the rotation
-    is at most ``distance``, in units of the noise. ``inlier`` (N,) is 1 or 0. The three rotations
-    are ``R``, ``other_R``, and the least-squares rotation, which is one step from ``R``. The best
-    of them explains the most inliers. The least-squares rotation also explains flow that ``R``
-    leaves to a translation, but is not robust to outliers. Both numbers are 0 if the inliers fix no
-    least-squares rotation.
+    is at most ``distance``, in the unit of the noise sigma. ``inlier`` (N,) is 1 or 0. The three
+    rotations are ``R``, ``other_R``, and the least-squares rotation, which is computed by one
+    Gauss-Newton step from ``R``. The best of the three rotations is the one that explains the most
+    inliers. The least-squares rotation also explains flow that ``R`` leaves to a translation, but
+    is not robust to outliers. Both numbers are 0 if the inliers fix no least-squares rotation.
     """
     step, nearest = np.empty(3), np.empty((3, 3))
     H, g, sums, mixture = np.empty((3, 3)), np.empty(3), np.empty(4), np.empty(3)
@@ -91,7 +92,7 @@ def count_beyond_rotation(
 def find_stationary(pairs: np.ndarray, within: float, stationary: np.ndarray) -> int:
     """Mark the ``stationary`` matches (N,); returns the number of stationary matches.
 
-    The flow of a stationary match is below ``within``, in units of the noise.
+    The flow of a stationary match is shorter than ``within``, in the unit of the noise sigma.
     """
     count = 0
     for i in range(stationary.size):

@@ -55,7 +55,8 @@ class SearchBudget(NamedTuple):
     """Limits of a search: tolerance, confidence, and numbers of samples."""
 
     tolerance: float
-    """Residual of a consistent match, in units of the noise."""
+    """Largest residual of a match that is consistent with a pose, in the unit of the noise
+    sigma."""
     confidence: float
     """Probability with which the search must find the right mode."""
     min_iterations: int
@@ -72,7 +73,7 @@ def _cost_each_way(
     r = sampson(pairs, at, R, t)
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
     flow, reach2 = flow_along(m, b, t)
-    # With the epipole between the rays the match fits the twisted pair only.
+    # If the epipole is between the two rays, the match fits only the twisted pair of the pose.
     cost = where(dot(m, b) < dot(m, t) * dot(b, t), limit, min(r * r, limit))
     ahead, noise = flow * abs(flow), limit * flow_variance(pairs, at) * reach2
     return where(ahead < -noise, limit, cost), where(ahead > noise, limit, cost)
@@ -90,10 +91,10 @@ def score_pose(
     """Cost ``sum min(r^2, limit)`` of all matches, for the better sign of ``t``.
 
     A match costs the full ``limit`` in two cases: the match flows away from ``t`` by more than
-    ``sqrt(limit)`` times the noise (the point is behind the camera), or the epipole is between the
-    two rays of the match. Matches with prior 0 cost nothing. If the costs for both signs reach
-    ``best``, the function returns ``best`` early. If the opposite sign is better, ``t`` is negated
-    in place.
+    ``sqrt(limit)`` times the standard deviation of the flow for a noise sigma of 1 (the point is
+    behind the camera), or the epipole is between the two rays of the match. Matches with prior 0
+    cost nothing. If the costs for both signs reach ``best``, the function returns ``best`` early.
+    If the opposite sign is better, ``t`` is negated in place.
     """
     rotation, direction = matrix(R), vector(t)
     forward = backward = 0.0
@@ -114,10 +115,11 @@ def score_pose(
 
 @sum_kernel
 def _newton_equations(rays: np.ndarray, R: np.ndarray, t: np.ndarray, normal: np.ndarray) -> None:
-    """Normal equations ``normal`` (6, 6) of ``b . (t x m) = 0`` for the pairs ``rays`` (48,).
+    """Normal equations ``normal`` (6, 6) of ``b . (t x m) = 0`` for pairs of rays, ``rays`` (48,).
 
     Each row ``[m x (b x t), B^T (m x b)]`` is normalised, because the row of a match with short
-    flow is small, but must have the same weight.
+    flow is small, but must have the same weight as other rows. ``m = R a``, and B is the tangent
+    basis at t.
     """
     rotation, direction = matrix(R), vector(t)
     sums = SUMS_OF_SIX
@@ -129,7 +131,7 @@ def _newton_equations(rays: np.ndarray, R: np.ndarray, t: np.ndarray, normal: np
 
 @inlined_kernel
 def _row(rays: np.ndarray, lane: int, R: Matrix, t: Vector) -> tuple[float, Row]:
-    """Weight and row of the pair in ``lane``. The last element of the row is the constraint."""
+    """Weight and row of the pair in ``lane``; the last element of the row is ``b . (t x m)``."""
     a = rays[lane], rays[VECTOR_LANES + lane], rays[2 * VECTOR_LANES + lane]
     b = (
         rays[3 * VECTOR_LANES + lane],
@@ -189,15 +191,16 @@ def iterations_needed(
     The inlier share of the best pose is s = ``1 - outlier_share``. 50 % of the samples are drawn
     from all matches, with the inlier share s. The other samples are drawn only from matches
     consistent with a mode, a share ``known`` of all matches. The inlier share of these matches is
-    taken as ``min(s / known, 1) min(s / RELATED_CONSENSUS, 1)``. The second factor accounts for a
-    best pose with few inliers, which may be outliers of the right pose.
+    taken as ``min(s / known, 1) min(s / RELATED_CONSENSUS, 1)``. The second factor is for a best
+    pose with few inliers: the best pose may be wrong, and its inliers may be outliers of the right
+    pose.
 
     The number is ``log((1 - confidence) / failure) / log(1 - hit)``. ``failure`` is the probability
-    that the initial pose leads to a wrong mode. ``failure`` grows with the ``outlier_share`` and
-    with the square of the ``flow`` in rad after the initial rotation, and is 1 after a competing
-    mode was found. ``hit`` is the probability that a sample has no outliers and converges to the
-    right mode. A sample without outliers converges with a probability of 0.5. A long flow and an
-    unreliable initial pose each lower this probability by a factor of up to 2.
+    that the initial pose leads to a wrong mode. ``failure`` increases with the ``outlier_share``
+    and with the square of ``flow``, the median flow in rad after the initial rotation, and is 1
+    after a competing mode was found. ``hit`` is the probability that a sample has no outliers and
+    converges to the right mode. A sample without outliers converges with a probability of 0.5. A
+    long flow and an unreliable initial pose each lower this probability by a factor of up to 2.
     """
     inlier_share = max(1.0 - outlier_share, 0.0)
     square = inlier_share * inlier_share

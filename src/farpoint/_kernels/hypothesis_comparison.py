@@ -55,11 +55,12 @@ __all__ = [
 def laplace_factor(normal: np.ndarray) -> float:
     """Laplace (Occam) factor ``1/2 log det(I + G)``.
 
-    The factor is the logarithm of the ratio between the likelihood at the maximum and the mean
-    likelihood. G (5, 5) is the Gauss-Newton matrix, and the prior sigma of the pose is one radian.
-    Some pose fits five matches without any residual, and may fit a sixth match by chance. The small
-    residuals raise the likelihood of such a pose at its narrow maximum, and the Laplace factor
-    lowers the likelihood again. The factor is infinite if G is not positive definite.
+    The factor is the logarithm of the ratio of two likelihoods: the likelihood at the maximum, and
+    the likelihood averaged over the prior of the pose, whose sigma is one radian. G is the
+    Gauss-Newton matrix, the first five rows and columns of ``normal``. For any five matches there
+    is a pose without residuals, which may fit a sixth match by chance. The small residuals raise
+    the likelihood of this pose at a narrow maximum, and the Laplace factor lowers the likelihood
+    again. The factor is infinite if ``I + G`` is not positive definite.
     """
     determinant, positive = determinant_beside_one(normal)
     return 0.5 * math.log(determinant) if positive else math.inf
@@ -76,8 +77,10 @@ def refine(matches: PackedMatches, steps: int, pose: Pose) -> None:
 def _add_laplace_factor(matches: PackedMatches, pose: Pose) -> None:
     """Add the `laplace_factor` to the cost of a pose.
 
-    With a share of inliers up to `MIN_SHARE`, the cost is at least that of a model with uniform
-    outliers only. Otherwise matches of repeated structure near the epipolar lines could lower it.
+    If the share of inliers is at most `MIN_SHARE`, the cost is set to at least the cost of a model
+    in which all matches are uniform outliers. Without this lower bound, a pose without inliers
+    could have a lower cost because of outliers near its epipolar lines, which the mixture takes as
+    repeated structure.
     """
     pose.cost[0] += laplace_factor(pose.normal)
     if not _has_inliers(pose):
@@ -93,7 +96,7 @@ def _has_inliers(pose: Pose) -> bool:
 
 @step_kernel
 def default_noise(tolerance: float, mixture: np.ndarray) -> None:
-    """Initial noise parameters of EM by default. The tolerance is taken as `GATE_SIGMA` sigma."""
+    """Default initial noise parameters of EM; the noise sigma is ``tolerance / GATE_SIGMA``."""
     mixture[0] = tolerance * tolerance / (GATE_SIGMA * GATE_SIGMA)
     mixture[1] = START_OUTLIER_SHARE
     mixture[2] = START_TAIL_SHARE
@@ -153,7 +156,9 @@ def mark_consistent(
 def is_same_mode(R: np.ndarray, t: np.ndarray, best: Pose) -> bool:
     """Whether a pose is within the uncertainty of the best pose.
 
-    The criterion is ``1/2 x^T G x < 2`` for the difference x of the two poses.
+    The criterion is ``1/2 x^T G x < 2`` for the difference x of the two poses and the Gauss-Newton
+    matrix G of the best pose. The result is False if the best pose has a share of inliers of at
+    most `MIN_SHARE`, or if the directions differ by more than 60 degrees.
     """
     if not _has_inliers(best) or dot(vector(t), vector(best.t)) < 0.5:
         return False
@@ -206,15 +211,17 @@ def refine_if_competitive(
 ) -> tuple[bool, bool]:
     """Refine a hypothesis as long as it may come within a margin of the best pose.
 
-    The cost is the negative log likelihood plus the Laplace factor, and its limit is the cost of
-    the best pose plus the margin ``within``. The refinement ends at convergence or after
-    `COARSE_STEPS` steps, and is given up earlier in two cases: the pose has become the same mode as
-    the best pose, or the upper bound of the remaining decrease does not reach the limit. The bound
-    is the sum of 4 times the predicted decrease and of the last decrease. The factor 4 covers
-    effects outside the quadratic model: matches that become inliers, and a smaller noise variance.
+    The cost is the negative log likelihood plus the Laplace factor. The limit is the cost of the
+    best pose plus the margin ``within``. The refinement ends at convergence or after `COARSE_STEPS`
+    steps, and is given up earlier in two cases: the pose has become the same mode as the best pose,
+    or the cost minus an upper bound of its remaining decrease is not below the limit. The upper
+    bound is ``4 p + l``, where p is the decrease predicted for the next step, and l is the decrease
+    in the last step. The factor 4 covers effects outside the quadratic model: matches that become
+    inliers, and a smaller noise variance.
 
-    The function returns two values: whether the refined hypothesis is within the margin and a
-    different mode, and whether the initial pose of the hypothesis was within the margin.
+    The function returns two values: whether the cost of the refined hypothesis is below the limit
+    and the hypothesis is a different mode, and whether the cost of the initial pose of the
+    hypothesis was below the limit.
     """
     limit, normal, reached, shares = best.cost[0] + within, pose.normal, pose.cost, np.empty(4)
     point = linearisation_point(matches, pose.R, pose.t, pose.mixture)
@@ -247,13 +254,15 @@ def compare_hypothesis(
 ) -> tuple[bool, bool]:
     """Refine a hypothesis as long as it may compete, and keep the likelier pose as ``best``.
 
-    The less likely of the two poses is written to ``secondary`` if its log likelihood is at most
-    `MODE_MARGIN` (a less likely hypothesis: ``within``) below that of the other pose, their
-    directions differ by more than 20 degrees, and it is likelier than the old ``secondary``. A
-    hypothesis that is a twisted pair (`_is_twisted`) is kept neither as ``best`` nor as ``secondary``. The function returns the two values of
-    `refine_if_competitive`: whether the refined hypothesis is within the margin ``within`` of the
-    best pose and a different mode, and whether the initial pose of the hypothesis was within the
-    margin.
+    The less likely of the two poses is written to ``secondary`` if three conditions hold. The
+    directions of the two poses differ by more than 20 degrees. The less likely pose is likelier
+    than the old ``secondary``. The log likelihoods of the two poses differ by less than a margin:
+    `MODE_MARGIN` if ``best`` is the less likely pose, ``within`` if the hypothesis is. A hypothesis
+    that is a twisted pair (`_is_twisted`) is kept neither as ``best`` nor as ``secondary``.
+
+    The function returns the two values of `refine_if_competitive`: whether the refined hypothesis
+    is within the margin ``within`` of the best pose and a different mode, and whether the initial
+    pose of the hypothesis was within this margin.
     """
     competes, was_close = refine_if_competitive(matches, hypothesis, best, within)
     if not competes:
@@ -274,13 +283,13 @@ def compare_hypothesis(
 
 @step_kernel
 def planar_margin(count: int) -> float:
-    """Margin in log likelihood between the two motions of a plane with ``count`` matches."""
+    """Difference of log likelihoods up to which the two motions of a plane compete."""
     return max(MODE_MARGIN, PLANAR_MARGIN * math.sqrt(count / MAX_SEARCHED))
 
 
 @inner_kernel
 def is_secondary_mode(secondary: Pose, best: Pose) -> bool:
-    """Whether a pose is within `MODE_MARGIN` of the best pose, and has another direction."""
+    """Whether a pose is within `MODE_MARGIN` of the best pose, and more than 20 degrees away."""
     return secondary.cost[0] < best.cost[0] + MODE_MARGIN and _has_other_direction(secondary, best)
 
 

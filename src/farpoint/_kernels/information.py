@@ -75,21 +75,26 @@ def information(
     """Normal equations ``normal`` (6, 6) of the cost, and the part ``noise`` (5, 5) due to noise.
 
     ``normal`` is the Gauss-Newton matrix (5, 5), with the gradient in the last column. The Jacobian
-    of a match is proportional to the measured flow of the match, so noise along the epipolar line
-    counts as information. ``u`` is the unit vector along the line, and ``v`` is the variance of the
-    noise along the line, given the residual. This noise changes the Jacobian by ``C = [(m . t) u,
-    B^T (m x u)] / sqrt(g)`` times the noise, and adds ``v C^T C`` to the matrix. Matches at the
-    epipole are left out, because noise alone determines their epipolar line.
+    of a match is proportional to the measured flow of the match, so noise of the flow along the
+    epipolar line adds to the matrix like true flow. ``noise`` is the expectation of this addition,
+    the sum of ``w v C^T C`` over the matches. w is the weight of the match, v is the variance of
+    the flow along the epipolar line given the residual, and
+    ``C = [(m . t) u, B^T (m x u)] / sqrt(g)`` is the derivative of the Jacobian by this flow. u is
+    the unit vector along the epipolar line, B is the tangent basis at t, and m, t and g are those
+    of `epipolar`. Matches within `EPIPOLE_DISTANCE_SIGMA` sigma of the epipole are left out,
+    because noise alone determines their epipolar lines.
 
-    With ``shrunk_flow`` the inverse depth of a match is replaced by its best linear unbiased
-    prediction from the measured depth and the mean over all matches (Robinson, Stat. Sci. 6, 1991,
-    DOI 10.1214/ss/1177011926). The expectation of the matrix then consists of signal only, and
-    ``noise`` is the variation of the matrix due to noise. One step of these normal equations from
-    the maximum of the likelihood gives an estimate with less variance.
+    With ``shrunk_flow`` the inverse depth of each match is replaced by its best linear unbiased
+    prediction: a weighted mean of the measured inverse depth and the mean over all matches
+    (Robinson, Stat. Sci. 6, 1991, DOI 10.1214/ss/1177011926). The weight of the measured inverse
+    depth is ``s = V / (V + v_z)``, where V is the variance of the true inverse depths, and v_z is
+    the noise variance of the measured inverse depth. The term of each match in ``noise`` is
+    multiplied by ``s^2``. One step of these normal equations from the maximum of the likelihood
+    gives an estimate with less variance.
 
-    The leverage of a match is h, and the weight of the match is multiplied by ``1 - h^3`` for two
+    h is the leverage of a match. The weight of the match is multiplied by ``1 - h^3``, for two
     reasons: if a match has more information than all other matches together, the others cannot
-    contradict the match, and the epipolar line of a match near the epipole rotates with every step
+    contradict the match; and the epipolar line of a match near the epipole rotates with every step
     of the pose.
 
     ``scatter`` (5, 5) is the observed variance of the gradient, with squared residuals divided by
@@ -150,9 +155,9 @@ def _depth_moments(
     """Sums for the method of moments of the inverse depths.
 
     The function returns the sums of ``w``, ``w d``, ``v`` and ``v ((d - mean)^2 - s^2)``, where d
-    is an inverse depth and s^2 its noise variance. The weights w and v follow from ``variance`` and
-    s^2. In the first round (``first`` 1, ``mean`` and ``variance`` 0) v equals w, and s^2 is not
-    subtracted.
+    is an inverse depth and s^2 its noise variance. With the robust weight k of the match,
+    ``w = k / (variance + s^2)`` and ``v = w / (variance + s^2)``. In the first round (``first`` 1,
+    ``mean`` and ``variance`` 0) v equals w, and s^2 is not subtracted.
     """
     total = weighted = weight2 = excess = 0.0
     for panel in range(terms.size // TERMS):
@@ -174,7 +179,7 @@ def _depth_moments(
 
 @inner_kernel
 def _fill_terms(point: LinearisationPoint, terms: np.ndarray) -> None:
-    """Fill the panels of terms, whose rows are those from `TERM_JACOBIAN` on, for all matches."""
+    """Fill the panels of ``terms``, whose rows are the constants ``TERM_...``, for all matches."""
     rotation, direction = matrix(point.R), vector(point.t)
     basis = tangent_columns(direction)
     noise = (
@@ -202,7 +207,7 @@ def _fill_match(
     terms: np.ndarray,
     to: int,
 ) -> None:
-    """Fill the terms of one match, which are a column of a panel."""
+    """Fill the terms of one match, a column of a panel from the index ``to`` on."""
     precision, tail_share, clutter, long_tail = noise
     jacobian = sampson_jacobian(pairs, at, R, t, basis)
     r = jacobian[5]

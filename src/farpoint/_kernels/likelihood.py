@@ -50,12 +50,14 @@ def linearize(
 ) -> float:
     """Robust cost of all matches and its normal equations.
 
-    The cost is ``-sum log(prior (core + tail) + clutter)``. J is the Jacobian (N, 5) of the
-    residuals r. ``normal`` (6, 6) receives ``[J r]^T W [J r]``, which consists of the Gauss-Newton
-    matrix, the gradient in the last column, and the sum of weighted squares in the last corner.
-    With ``soft_cheirality`` the parallaxes that have a penalty are residuals, too. ``shares`` (4,)
-    receives the expected numbers of inliers, of tail steps (`tail_steps_of`), of trials of the tail
-    (`tail_trials_of`), and of outliers from repeated structure.
+    The cost is ``-sum log(prior (core + tail) + clutter)``, with the densities of `mixture`, which
+    are divided by the density of the core at a residual of 0. J is the Jacobian (N, 5) of the
+    residuals r, and W is the diagonal matrix of the robust weights. ``normal`` (6, 6) receives
+    ``[J r]^T W [J r]``: the Gauss-Newton matrix, the gradient in the last column, and the weighted
+    sum of squares in the lower right corner. With ``soft_cheirality`` the parallaxes that have a
+    penalty are residuals, too. ``shares`` (4,) receives the expected numbers of inliers, of tail
+    steps (`tail_steps_of`), of trials of the tail (`tail_trials_of`), and of outliers from repeated
+    structure.
     """
     pairs, prior, clutter = (
         point.pairs,
@@ -107,10 +109,11 @@ def linearize(
 def _add_cheirality_residuals(point: LinearisationPoint, normal: np.ndarray) -> None:
     """Add cheirality penalties to the normal equations of `linearize`, as residuals.
 
-    The residual is ``s + 2.5`` for a parallax of s sigma. The weight is `CHEIRALITY_WEIGHT` times
-    the probability of the core times ``(1 - tail_share)^2``. The last factor reduces the weight if
-    the tail is heavy: matches then have large errors along their epipolar lines in both directions,
-    but only the errors in one direction have a penalty.
+    The residual is ``s + 2.5`` for a parallax of s sigma, s < -2.5. The weight is
+    `CHEIRALITY_WEIGHT` times the probability of the core times ``(1 - tail_share)^2``. The last
+    factor reduces the weight if the tail is heavy. With a heavy tail, matches have large errors
+    along their epipolar lines in both directions, but only the errors in one direction have a
+    penalty.
     """
     pairs, prior, clutter = (
         point.pairs,
@@ -154,7 +157,7 @@ def _add_cheirality_residuals(point: LinearisationPoint, normal: np.ndarray) -> 
 def _evaluate_penalties(
     pairs: np.ndarray, R: Matrix, t: Vector, precision: float, beyond2: np.ndarray
 ) -> None:
-    """`mixture.cheirality_penalty` of each match."""
+    """Write the `mixture.cheirality_penalty` of each match to ``beyond2``."""
     for panel in range(beyond2.size // LANES):
         for lane in range(LANES):
             at = panel * PANEL + lane
@@ -188,7 +191,7 @@ def _evaluate_match(
     prior: float,
     long_tail: float,
 ) -> tuple[float, float, float]:
-    """Residual and parallax of a match for unit noise, and sum of the match's `densities`."""
+    """Residual and parallax of a match as in `evaluate_residuals`, and sum of its `densities`."""
     residual = sampson(pairs, at, R, t)
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
     flow, _ = flow_along(m, b, t)
@@ -203,9 +206,10 @@ def evaluate_residuals(
 ) -> None:
     """Evaluate residual, parallax and inlier probability of each match at a pose.
 
-    ``residual`` receives the Sampson residual for unit noise. ``parallax`` receives the signed
-    shift along the epipolar line towards the direction, divided by the sigma of this shift for unit
-    noise. ``inlier`` receives the inlier probability.
+    ``residual`` receives the Sampson residual, in the unit of the noise sigma. ``parallax``
+    receives the signed shift along the epipolar line, positive towards the direction, divided by
+    the standard deviation of this shift for a noise sigma of 1. ``inlier`` receives the inlier
+    probability.
     """
     pairs, prior, clutter = (
         point.pairs,

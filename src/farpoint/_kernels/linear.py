@@ -1,7 +1,7 @@
 """Small linear algebra of fixed sizes: rotations, symmetric systems, random numbers.
 
-Every function writes into buffers of the caller and allocates nothing. ``np.linalg`` is not used,
-because it takes seconds to compile and calls LAPACK.
+The functions write into buffers of the caller. ``np.linalg`` is not used, because it takes seconds
+to compile and calls LAPACK.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ __all__ = [
 
 @inner_kernel
 def draw_unit(state: np.ndarray) -> float:
-    """Uniform number in [0, 1). The function advances the splitmix64 ``state`` (1,), uint64."""
+    """Uniform random number in [0, 1); advances the splitmix64 ``state`` (1,), uint64."""
     state[0] += np.uint64(0x9E3779B97F4A7C15)
     z = state[0]
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -53,7 +53,7 @@ def draw_unit(state: np.ndarray) -> float:
 
 @inner_kernel
 def draw_index(state: np.ndarray, n: int) -> int:
-    """Uniform integer in [0, n). The bias is negligible for n < 2^32."""
+    """Uniform random integer in [0, n). The bias is negligible for n < 2^32."""
     return int(draw_unit(state) * n)
 
 
@@ -78,7 +78,7 @@ def tangent_basis(d: np.ndarray, basis: np.ndarray) -> None:
 def apply_rotation_step(R: np.ndarray, x: float, y: float, z: float, out: np.ndarray) -> None:
     """``out = Exp((x, y, z)) @ R``; ``out`` may be ``R`` itself."""
     angle2 = x * x + y * y + z * z
-    # Unit quaternion of the step; its series at 0 is exact to rounding below 1e-8 rad^2.
+    # Unit quaternion of the step. Below 1e-8 rad^2 the power series is exact to rounding.
     if angle2 < 1e-8:
         qw = 1.0 - angle2 / 8.0
         f = 0.5 - angle2 / 48.0
@@ -93,7 +93,7 @@ def apply_rotation_step(R: np.ndarray, x: float, y: float, z: float, out: np.nda
 def apply_quaternion(
     qw: float, qx: float, qy: float, qz: float, R: np.ndarray, out: np.ndarray
 ) -> None:
-    """``out = E @ R`` with the rotation E of a unit quaternion."""
+    """``out = E @ R`` with the rotation E of a unit quaternion, whose scalar is ``qw``."""
     e00, e01, e02 = 1 - 2 * (qy * qy + qz * qz), 2 * (qx * qy - qw * qz), 2 * (qx * qz + qw * qy)
     e10, e11, e12 = 2 * (qx * qy + qw * qz), 1 - 2 * (qx * qx + qz * qz), 2 * (qy * qz - qw * qx)
     e20, e21, e22 = 2 * (qx * qz - qw * qy), 2 * (qy * qz + qw * qx), 1 - 2 * (qx * qx + qy * qy)
@@ -110,8 +110,8 @@ def sandwich(
 ) -> bool:
     """``H^-1 V H^-1`` with ``V = inner`` and ``H = whole - part``, all (5, 5) and symmetric.
 
-    If H is less than ``least`` times ``whole`` in any direction, the function returns False and
-    ``out`` is undefined.
+    If ``x^T H x < least x^T whole x`` for some vector x, the function returns False and ``out`` is
+    undefined.
     """
     return sandwich_five(whole, part, inner, least, out)
 
@@ -120,7 +120,7 @@ def sandwich(
 def eigen_five(A: np.ndarray, axes: np.ndarray) -> None:
     """Eigenvectors of a symmetric matrix (5, 5), in rows of ``axes``, by Jacobi's method.
 
-    The diagonal of the matrix receives the eigenvalues.
+    ``A`` is overwritten, and receives the eigenvalues in the diagonal.
     """
     for i in range(5):
         for j in range(5):
@@ -161,8 +161,8 @@ def kabsch(M: np.ndarray, R: np.ndarray) -> bool:
     """Rotation maximising ``trace(R.T @ M)`` for ``M = sum b a^T`` (3, 3).
 
     By the SVD ``M = U S V^T`` the rotation is ``U diag(1, 1, det U V^T) V^T``. This function needs
-    no SVD: the maximum is the largest root of a polynomial, and the rotation follows from the
-    maximum (Markley, "Attitude Determination Using Vector Observations: A Fast Optimal Matrix
+    no SVD: the maximum is the largest root of a polynomial, and the rotation follows from this
+    root (Markley, "Attitude Determination Using Vector Observations: A Fast Optimal Matrix
     Algorithm", J. Astronaut. Sci. 41, 1993). The function returns False if M has a rank below two.
     """
     square, det, cofactors = _invariants(M)
@@ -198,7 +198,7 @@ def _invariants(M: np.ndarray) -> tuple[float, float, float]:
 
 @step_kernel
 def _write_nearest(M: np.ndarray, square: float, trace: float, R: np.ndarray) -> None:
-    """Write the rotation R with the largest trace of ``R.T @ M``, given this ``trace``."""
+    """Write the rotation with the largest trace of ``R.T @ M``, which is ``trace``."""
     x, y, z = matrix(M)
     xy, yz, zx = dot(x, y), dot(y, z), dot(z, x)
     k = 0.5 * (trace * trace - square) + square

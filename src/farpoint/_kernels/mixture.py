@@ -1,25 +1,27 @@
 """Mixture density of a residual, for inliers with a heavy tail and outliers, and EM of the mixture.
 
-The residual of an inlier is normal with the variance ``variance`` (the core). With the probability
-``tail_share`` the sigma of an inlier is `TAIL_RATIO` times as large. Of these inliers, a share
-``tail_share`` has a sigma that is `TAIL_RATIO` times larger again, and with a ``long_tail`` there
-is a third such step. The density of the k-th component is ``N(r; 0, 8^k variance)``, k = 0 to 3.
-The search uses the short tail, k <= 2, because with a longer tail more wrong local minima are as
-likely as the right minimum.
+The residual of an inlier has a normal distribution with the variance ``variance`` (the core). With
+the probability ``tail_share`` the sigma of an inlier is `TAIL_RATIO` times as large. Of these
+inliers, a share ``tail_share`` has a sigma that is `TAIL_RATIO` times larger again, and with a
+``long_tail`` a share ``tail_share`` of the latter has a sigma that is once more `TAIL_RATIO` times
+larger. The density of the k-th component is ``N(r; 0, 8^k variance)``, k = 0 to 3. The search uses
+the short tail, k <= 2, because with a longer tail more wrong motions are as likely as the right
+motion.
 
-An outlier lies anywhere in a strip around the epipolar line, of half-width ``half_width`` in units
-of the noise. A share of the outliers is repeated structure: a match between neighbouring copies of
-a structure. These outliers have a Cauchy distribution around the line. If all outliers had a
-uniform distribution, a pose that compromises between inliers and repeated structure, with a larger
-variance, would have a higher likelihood than the right pose. EM estimates three shares: of the tail
-among inliers, of outliers among all matches, and of repeated structure among outliers.
+An outlier lies anywhere in a strip around the epipolar line, whose half-width is ``half_width`` in
+the unit of the noise sigma. A share of the outliers is repeated structure: the match connects two
+neighbouring copies of a structure. The residuals of these outliers have a Cauchy distribution
+around 0. If all outliers had a uniform distribution, a compromise between the right motion and the
+motion of the repeated structure, with a larger variance, would be likelier than the right motion.
+EM estimates three shares: of the tail among inliers, of outliers among all matches, and of repeated
+structure among outliers.
 
 Soft cheirality: an inlier flows towards the direction of translation, but noise can reverse the
 flow of a far point. If the flow is reversed by s sigma and s exceeds c = `CHEIRALITY_SIGMA`, the
 density of the core has the factor ``exp(-w (s - c)^2 / 2)`` with w = `CHEIRALITY_WEIGHT`. The k-th
-component of the tail has the same factor to the power ``8^-k``. Otherwise the density does not
-depend on the flow, because a slope of the density would bias the rotation: a rotation changes the
-parallax of all matches. The factor decreases smoothly, so that Gauss-Newton converges.
+component of the tail has the same factor to the power ``8^-k``. For any other flow, the density
+does not depend on the flow: a slope of the density would bias the rotation, because a rotation
+changes the parallax of all matches. The factor decreases smoothly, so that Gauss-Newton converges.
 """
 
 from __future__ import annotations
@@ -70,10 +72,11 @@ __all__ = [
 
 @inlined_kernel
 def clutter_of(mixture: np.ndarray, half_width: float) -> Clutter:
-    """Density of outliers, divided by the density of the core at r = 0.
+    """Density of outliers times their odds, divided by the density of the core at r = 0.
 
-    The function returns the uniform part, the part of repeated structure at r = 0, and the inverse
-    square of the scale of repeated structure.
+    The odds are ``outlier_share / (1 - outlier_share)``. The function returns the uniform part, the
+    part of repeated structure at r = 0, and the inverse square of the scale of the Cauchy
+    distribution of repeated structure.
     """
     variance, outlier_share, repeated = mixture[0], mixture[1], mixture[3]
     density = (
@@ -89,7 +92,7 @@ def clutter_of(mixture: np.ndarray, half_width: float) -> Clutter:
 
 @inlined_kernel
 def clutter_at(clutter: Clutter, residual: float) -> tuple[float, float]:
-    """Density of all outliers at a ``residual``, and density of repeated structure alone."""
+    """`clutter_of` at a ``residual``: of all outliers, and of repeated structure alone."""
     anywhere, about, over2 = clutter
     near = about / (1.0 + over2 * residual * residual)
     return anywhere + near, near
@@ -121,7 +124,7 @@ def repeated_share(repeated: float, outlier_share: float) -> float:
 
 @step_kernel
 def mixture_cost(variance: float, outlier_share: float) -> float:
-    """Normalisation of the cost per match: ``log(sigma) - log(1 - outlier_share)``."""
+    """Normalisation of the cost per match, ``log(sigma) - log(1 - outlier_share)``."""
     return 0.5 * math.log(variance) - math.log(1.0 - outlier_share)
 
 
@@ -137,7 +140,7 @@ def densities(
     prior: float,
     long_tail: float,
 ) -> Densities:
-    """Densities of the match at address ``at``, divided by the density of the core at r = 0."""
+    """`densities_of` the match at the address ``at``, given its ``residual``."""
     penalty = cheirality_penalty(pairs, at, R, t, precision)
     return densities_of(
         residual * residual * precision + penalty,
@@ -152,10 +155,13 @@ def densities(
 def densities_of(
     square: float, tail_share: float, again: float, prior: float, long_tail: float
 ) -> Densities:
-    """Densities, times the ``prior``, at a ``square``: squared residual divided by the variance.
+    """Densities of the core and of the tail, divided by the density of the core at a residual of 0.
 
-    The height of each component of the tail is ``again`` times that of the previous component.
-    ``again`` is ``tail_share / TAIL_RATIO`` in one dimension, ``tail_share / TAIL_RATIO^2`` in two.
+    ``square`` is the squared residual divided by the variance of the core, plus a cheirality
+    penalty. All densities are multiplied by the ``prior`` of the match, and each component by its
+    probability. The height of each component of the tail is ``again`` times that of the previous
+    component. ``again`` is ``tail_share / TAIL_RATIO`` in one dimension,
+    ``tail_share / TAIL_RATIO^2`` in two.
     """
     core, tail1, tail2, tail3 = exp_and_roots(0.5 * square)
     once, twice = prior * (1.0 - tail_share), prior * again * again
@@ -197,8 +203,9 @@ def tail_steps_of(each: Densities) -> float:
 def tail_trials_of(each: Densities, long_tail: float) -> float:
     """Sum of the densities of all components, each multiplied by the number of trials of the tail.
 
-    A trial is a step of the tail, which an inlier takes with the probability ``tail_share``. The
-    number of trials is k + 1, at most 3 with the long tail and 2 with the short tail.
+    In each trial, an inlier moves on to the next component of the tail with the probability
+    ``tail_share``. An inlier of component k has made k + 1 trials, but at most 3 with the long
+    tail, and at most 2 with the short tail.
     """
     core, tail1, tail2, tail3 = each
     return core + 2.0 * tail1 + (2.0 + long_tail) * tail2 + 3.0 * tail3
@@ -216,7 +223,7 @@ def weight_of(each: Densities) -> float:
 
 @inlined_kernel
 def weight2_of(each: Densities) -> float:
-    """Like `weight_of`, with squared variances."""
+    """Sum of the densities of all components, each divided by the component's squared variance."""
     core, tail1, tail2, tail3 = each
     return weight_of((core, tail1 * 0.125, tail2 * 0.015625, tail3 * 0.001953125))
 
@@ -233,12 +240,14 @@ def update_mixture(
     """EM step of variance, outlier share and tail share.
 
     ``square`` is the weighted mean square of the residuals. ``shares`` holds the expected number of
-    inliers, of tail steps and of trials. With ``over_relaxed`` 1 the step is over-relaxed, and with
-    0 the step is that of plain EM.
+    inliers, of tail steps and of trials. ``count`` is the number of matches, and ``minimum`` is the
+    lower bound of the variance. With ``over_relaxed`` 1 the step is over-relaxed, and with 0 the
+    step is that of plain EM.
     """
     total, steps, trials = shares[0], shares[1], shares[2]
     share = (steps + PRIOR_SHARE * PRIOR_WEIGHT) / (trials + PRIOR_WEIGHT)
-    # EM converges linearly, the more slowly the heavier the tail: over-relaxation compensates.
+    # EM converges linearly, and more slowly with a heavier tail; over-relaxation compensates for
+    # that.
     over_relaxation = over_relaxed * min(OVER_RELAXATION * mixture[2], MAX_OVER_RELAXATION)
     change = min(max(over_relaxation * (square / mixture[0] - 1.0), -0.5), 1.0)
     mixture[0] = max((1.0 + change) * square, minimum)

@@ -43,10 +43,10 @@ def fit_motion(
     summary that `refine_motion` returns.
 
     The search (`search.search_pose`) starts at the rotation of the far matches, which RANSAC finds
-    (`rotation_search.search_rotation`). If there are no far matches, the search starts at the
-    rotation that is consistent with most matches at a larger tolerance. The direction is searched
-    among the matches that are not far. If no match is far, or fewer than `MIN_MATCHES` are not far,
-    the direction is searched among all matches.
+    (`rotation_search.search_rotation`). If there are no far matches, the search starts at a
+    rotation with which more than 50 % of the matches are consistent at a larger tolerance
+    (`_widen`). The direction is searched among the matches that are not far. If no match is far, or
+    fewer than `MIN_MATCHES` are not far, the direction is searched among all matches.
     """
     some, few = searched_pairs(matches), matches.total <= MAX_SEARCHED
     count = matches.total if few else MAX_SEARCHED
@@ -113,11 +113,11 @@ def _widen(
     R_far: np.ndarray,
     consistent: np.ndarray,
 ) -> None:
-    """Rotation that is consistent with most matches at an increased tolerance.
+    """Rotation with which more than 50 % of the matches agree at an increased tolerance.
 
-    This rotation is the initial value of the search if there are no far points. Hardly any match is
-    then consistent with a rotation within the noise, and the best sample of three matches is
-    arbitrary.
+    This rotation is the initial value of the search if there are no far points. Without far points,
+    hardly any match is consistent with a rotation at the given tolerance, and which sample of three
+    matches is best at this tolerance is left to chance.
     """
     within = tolerance
     for _ in range(TOLERANCE_WIDENINGS):

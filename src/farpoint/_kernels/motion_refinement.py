@@ -95,7 +95,7 @@ class MotionBuffers(NamedTuple):
     t_secondary: np.ndarray
     """(3,) direction of the secondary mode."""
     scaled_pairs: np.ndarray
-    """Panels of the matches with noise that scales with parallax, if that is significant."""
+    """Panels of the matches with noise that scales with parallax, if the scaling is significant."""
 
 
 @kernel
@@ -144,9 +144,10 @@ def refine_motion(
     """Refine a motion by all matches, with the prior of their parallax, and evaluate the result.
 
     ``matches.prior`` must be the first row of ``buffers.per_match``. The motion shows a direction
-    if, along every axis of the pose, at least a share ``least_signal`` of the Gauss-Newton matrix
-    with shrunk flow remains after the part that is due to noise is subtracted, or at least a share
-    `MIN_SIGNAL` of that with measured flow.
+    in two cases. Either, along every axis of the pose, at least a share `MIN_SIGNAL` of the
+    Gauss-Newton matrix with measured flow remains after the part that is due to noise is
+    subtracted. Or, along every axis, at least a share ``least_signal`` of the Gauss-Newton matrix
+    with shrunk flow remains.
     """
     return refine_and_evaluate(searched_pairs(matches), matches, least_signal, buffers)
 
@@ -248,8 +249,8 @@ def _label_and_count(
     total = min(count, MAX_SEARCHED)
     for j in range(prior.size):
         prior[j] = 1.0 if j < total and inlier[j * count // total] > 0.5 else 0.0
-    # Twice `GATE_SIGMA`, because the noise is that of the motion, which explains a part of the flow
-    # by translation.
+    # Twice `GATE_SIGMA`: the noise sigma is that of the general motion. The noise sigma of a
+    # rotation would be larger, because the general motion takes a part of the flow as translation.
     distance = 2.0 * GATE_SIGMA * math.sqrt(mean_variance(mixture[0], mixture[2]))
     beyond, supporting = count_beyond_rotation(some, prior, R, R_far, distance)
     return agreeing, sign_log_odds, log_odds, beyond, supporting
@@ -298,8 +299,8 @@ def _refine(
 ) -> float:
     """Refine a pose by `refinement.refine_pose`, and update the prior of the parallax in turn.
 
-    The two steps are repeated as long as inliers lie beyond the end of the prior, where the prior
-    is 0.
+    The two steps are repeated, up to `ALTERNATIONS` times, as long as inliers lie beyond the end of
+    the prior, where the prior is close to 0.
     """
     pose = Pose(buffers.R, buffers.t, buffers.mixture, normal, np.empty(1))
     for _ in range(ALTERNATIONS):
@@ -340,9 +341,10 @@ def _estimate_covariance(
 ) -> tuple[bool, bool]:
     """Covariance of the pose, computed with shrunk flow if much of the flow is noise.
 
-    The limit is a share of signal of `MIN_SIGNAL`. If the flow is shrunk, the pose moves by one
-    step of the normal equations. The function returns whether the flow was shrunk, and whether the
-    motion shows a direction (`refine_motion`).
+    The flow is shrunk if, along some axis, less than a share `MIN_SIGNAL` of the Gauss-Newton
+    matrix remains after the part that is due to noise is subtracted. In this case the pose also
+    moves by one step of the normal equations with shrunk flow. The function returns whether the
+    flow was shrunk, and whether the motion shows a direction (`refine_motion`).
     """
     if covariance_here(point, inliers, MEASURED_FLOW, MIN_SIGNAL, buffers.covariance):
         return False, True

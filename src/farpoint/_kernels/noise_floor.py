@@ -22,7 +22,8 @@ def floor_likelihoods(
     squares : ndarray, shape (N,)
         Squared residuals.
     variances : ndarray, shape (N,)
-        Given variances, up to a common factor, which EM estimates in ``rounds`` iterations.
+        Given variances. The variance of a residual is a common factor times the sum of given
+        variance and floor. EM estimates the factor in ``rounds`` iterations.
     floors : ndarray, shape (F,)
         Candidate values of the variance that is added to all given variances.
     freedom : float
@@ -59,7 +60,7 @@ def _sum(values: np.ndarray) -> float:
 
 @sum_kernel
 def _sum_of_weighted(ratios: np.ndarray, over_factor: float, freedom: float) -> float:
-    """Sum of the ratios over a factor, each with its weight in Student's distribution."""
+    """Sum of ``ratio / factor`` times the weight of the ratio in Student's distribution."""
     total = 0.0
     for i in range(np.uintp(len(ratios))):
         scaled = ratios[i] * over_factor

@@ -1,8 +1,8 @@
 """Normal equations in registers: sums of ``weight row row^T``, and their solution.
 
-A sum is a tuple with the lower triangle by rows, because in an array each addition would wait until
-the previous addition is stored. The factorisation of a matrix is written out for the same reason,
-which is 3 times as fast as loops over indices.
+A sum is a tuple with the lower triangle by rows, and no array: in an array each addition would wait
+until the previous addition is stored. For the same reason, the factorisation of a matrix is written
+out without loops over indices, and is 3 times as fast.
 """
 
 from __future__ import annotations
@@ -146,7 +146,7 @@ def _factor(triangle: Sums, damping: float) -> tuple[Sums, bool]:
 
 @inlined_kernel
 def _is_positive(pivot: float, diagonal: float) -> bool:
-    """Whether a pivot of D exceeds the rounding error of the matrix' diagonal."""
+    """Whether a pivot of D is finite and exceeds the rounding error of the diagonal element."""
     return (pivot > 1e-14 * diagonal) & (pivot < math.inf)
 
 
@@ -212,7 +212,7 @@ def solve_three_spd(H: np.ndarray, g: np.ndarray, damping: float, x: np.ndarray)
 def sandwich_five(
     whole: np.ndarray, part: np.ndarray, inner: np.ndarray, least: float, out: np.ndarray
 ) -> bool:
-    """Compute `linear.sandwich` in registers; ``out`` is undefined if the result is False."""
+    """`linear.sandwich`, computed in registers; ``out`` is undefined if the result is False."""
     H, half = np.empty((5, 5)), np.empty((5, 5))
     for i in range(5):
         for j in range(5):

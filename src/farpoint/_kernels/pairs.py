@@ -3,6 +3,10 @@
 Most of the time is spent on sums over matches, and a processor adds four or eight numbers at once
 if the numbers are neighbours in memory. A panel holds `LANES` matches. Each row of a panel holds
 one coordinate of all these matches. The last panel is filled up with matches of prior 0 (filler).
+
+The panels hold the covariances of the rays for a noise sigma of 1. The actual covariances are
+sigma^2 times as large; sigma is estimated. The unit of sigma is px, or ``noise_rad`` if the user
+gave rays.
 """
 
 from __future__ import annotations
@@ -84,19 +88,19 @@ def _covariance_times(pairs: np.ndarray, at: int, v: Vector) -> Vector:
 
 @inlined_kernel
 def noise0(pairs: np.ndarray, at: int, v: Vector) -> Vector:
-    """Covariance of the ray in camera 0, for unit noise, times ``v``."""
+    """Covariance of the ray in camera 0, for a noise sigma of 1, times ``v``."""
     return _covariance_times(pairs, at + COVARIANCE0 * LANES, v)
 
 
 @inlined_kernel
 def noise1(pairs: np.ndarray, at: int, v: Vector) -> Vector:
-    """Covariance of the ray in camera 1, for unit noise, times ``v``."""
+    """Covariance of the ray in camera 1, for a noise sigma of 1, times ``v``."""
     return _covariance_times(pairs, at + COVARIANCE1 * LANES, v)
 
 
 @inlined_kernel
 def flow_variance(pairs: np.ndarray, at: int) -> float:
-    """Mean variance of the flow per coordinate, rad^2 for unit noise."""
+    """Mean variance of the flow per coordinate, rad^2, for a noise sigma of 1."""
     return pairs[at + FLOW * LANES]
 
 
@@ -112,7 +116,7 @@ def _put_ray(pairs: np.ndarray, slot: int, rays: np.ndarray, i: int) -> Vector:
 def _put_covariance(
     pairs: np.ndarray, slot: int, A: np.ndarray, i: int, C: np.ndarray, j: int
 ) -> float:
-    """Store ``A C A^T`` of match ``i`` with the noise covariance ``C[j]`` (2, 2).
+    """Store ``A C A^T`` of a match: derivative ``A[i]`` (3, 2), noise covariance ``C[j]`` (2, 2).
 
     The function returns the trace of ``A C A^T``.
     """
@@ -130,7 +134,7 @@ def _put_covariance(
 
 @inlined_kernel
 def _squares(factors: np.ndarray, i: int) -> float:
-    """Sum of the squares of a derivative (3, 2)."""
+    """Sum of the squared elements of the derivative (3, 2) of ray ``i``."""
     square = 0.0
     for k in range(3):
         for c in range(2):
@@ -166,11 +170,13 @@ def pack_pairs(
     rays0, rays1 : (N, 3)
         Unit rays; NaN for a pixel without a ray.
     factors0, factors1 : (N, 3, 2)
-        Derivatives of the rays by the noisy quantity: pixels, or angles.
+        Derivatives of the rays by the noisy quantity: the pixel, or an angle in units of
+        ``noise_rad``.
     covariance0, covariance1 : (N, 2, 2) or (1, 2, 2)
         Covariances of the noisy quantity.
     least_variance : float
-        Rays with a smaller variance for unit noise, rad^2, are left out.
+        A match is left out if, for one of its rays, the sum of the squared elements of the
+        derivative is not larger than this value.
     pairs : (packed_length(N) * 19,)
         Receives the panels.
     index : (N,)
@@ -181,8 +187,8 @@ def pack_pairs(
     count : int
         Number of matches packed.
     outlier_half_width : float
-        Half-width, in units of the noise, of a uniform distribution with the second moment of the
-        rays in camera 1; at least 10.
+        Half-width, in the unit of the noise sigma, of a uniform distribution with the variance of a
+        coordinate of the rays in camera 1; at least 10.
     """
     n = np.int64(0)
     square = precision = 0.0

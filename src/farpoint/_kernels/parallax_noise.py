@@ -1,11 +1,11 @@
 """Noise that scales with parallax.
 
 Near points change size, shape and background between the images, and are therefore tracked less
-accurately. On a drive the residuals of the nearest matches are 4 times those of the farthest. If
-the residuals show this effect, the variance of a match is multiplied by ``sqrt(1 + (p /
-length)^2)``, where ``p`` is the parallax of the match and ``length`` is the same for all matches.
-The factor is nearly 1 for a parallax far below ``length``, and nearly proportional to the parallax
-far above ``length``, as is the variance of a random walk along the flow.
+accurately. On a recorded drive the residuals of the nearest matches are 4 times those of the most
+distant matches. If the residuals show this effect, the variance of a match is multiplied by
+``sqrt(1 + (p / length)^2)``, where ``p`` is the parallax of the match and ``length`` is the same
+for all matches. If p is much smaller than ``length``, the factor is nearly 1. If p is much larger,
+the factor is nearly proportional to p, as is the variance of a random walk along the flow.
 """
 
 from __future__ import annotations
@@ -55,15 +55,17 @@ def scale_noise_with_parallax(
     variance: float,
     scaled_pairs: np.ndarray,
 ) -> bool:
-    """Copy the matches with noise that scales with parallax, if the residuals show it.
+    """Copy the matches, with noise that scales with parallax, if the residuals show the scaling.
 
     The length minimises the variance of ``log(r^2 / factor)`` over the inliers, where r is the
-    residual. Heavy tails have little influence on this variance. The geometric mean of the factors
-    over the inliers is 1, so that likelihoods with and without the factors can be compared.
+    residual and factor is the factor on the variance of the match (module docstring). Heavy tails
+    have little influence on the variance of this logarithm. The geometric mean of the factors over
+    the inliers is 1, so that likelihoods with and without the factors can be compared.
     ``residual``, ``parallax`` and ``inlier`` are the results of `likelihood.evaluate_residuals`.
     The function returns whether ``scaled_pairs`` was written.
     """
-    # Buffers returned by a kernel would not be freed; the caller allocates them.
+    # The buffers are allocated here, because numba would not free buffers that a called kernel
+    # returns.
     samples = NoiseSamples(
         np.empty(residual.size), np.empty(residual.size), np.empty(residual.size)
     )

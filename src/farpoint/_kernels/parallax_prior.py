@@ -54,26 +54,31 @@ def fit_parallax_prior(
 ) -> float:
     """Prior of each match by its parallax along the epipolar line; returns the end of the prior.
 
-    The prior is the density of the parallax of the other inliers, divided by the density of
-    outliers, which is uniform over a length ``2 half_width`` of the epipolar line. The inlier
+    The prior of a match is the density of the parallax of the other inliers, divided by the density
+    of outliers, which is uniform over a length ``2 half_width`` of the epipolar line. The inlier
     probabilities ``inlier`` were computed without a prior.
 
-    An outlier that happens to lie on its epipolar line agrees with the motion, and one long flow
-    would outweigh all inliers. Two outliers determine a direction, and by chance up to k more
-    outliers lie on its epipolar lines. A parallax is therefore supported only if more inliers than
-    these ``k + 2`` outliers have at least this parallax. s1 is the largest supported parallax in
-    sigma, at least 3, and s2 is the parallax that twice as many inliers have at least. Up to s1
-    plus ``max(((s1 / s2)^2 - 1) s1, 0.1 s1, 3)``, at most up to 2 s1, the prior is a histogram of
-    the other inliers plus a uniform pseudo-count; the density of inliers decreases at about this
-    rate. Beyond, the prior has a Gaussian fall-off (`PRIOR_FALL_OFF`). The returned end is
-    `GATE_SIGMA` standard deviations of the fall-off further on, in units of ``parallax``. If no
-    parallax is supported, the prior is 1 and the end is infinite.
+    An outlier that happens to lie on its epipolar line agrees with the motion, and one outlier with
+    a long flow would outweigh all inliers. Two outliers determine a direction, and up to k more
+    outliers lie by chance on the epipolar lines of this direction (`_chance_count`). A parallax is
+    therefore supported only if the number of inliers with at least this parallax exceeds the
+    smaller of ``k + 2`` and the number of all outliers.
+
+    s1 and s2 are parallaxes divided by ``sigma``. s1 is the largest supported parallax, which K
+    inliers reach or exceed, but at least 3. s2 is the parallax that 2 K inliers reach or exceed. D
+    is ``max(((s1 / s2)^2 - 1) s1, 0.1 s1, 3)``, at most s1; beyond s1 the density of inliers
+    decreases over about this distance. Up to ``s1 + D`` the prior is a histogram of the other
+    inliers plus a uniform pseudo-count. Beyond ``s1 + D`` the prior has a Gaussian fall-off with
+    the standard deviation `PRIOR_FALL_OFF` times D. The function returns the parallax, in the unit
+    of ``parallax``, at `GATE_SIGMA` standard deviations beyond ``s1 + D``. If no parallax is
+    supported, the prior is 1 and the returned end is infinite.
     """
     sizes = np.empty(count)
     inliers = _inlier_parallaxes(parallax, inlier, sigma, sizes)
     outliers = count - inliers
-    # Expected number of outliers that lie on the epipolar lines by chance and flow forwards, which
-    # is half of the outliers on the lines. No more than all outliers can lie on the lines.
+    # Expected number of outliers that lie on the epipolar lines by chance and flow towards the
+    # direction. The factor 0.5 is the share of the outliers on the lines that flow towards the
+    # direction. At most all outliers lie on the lines.
     by_chance = 0.5 * outliers * GATE_SIGMA * sigma / half_width
     captured = min(outliers, 2 + _chance_count(by_chance, 0.5 * outliers * (outliers - 1)))
     if inliers <= captured:
@@ -99,9 +104,10 @@ def fit_parallax_prior(
 def _inlier_parallaxes(
     parallax: np.ndarray, inlier: np.ndarray, sigma: float, sizes: np.ndarray
 ) -> int:
-    """Write the parallax of each inlier in sigma, and -1 for other matches, to ``sizes``.
+    """Write the absolute parallax of each inlier in sigma, and -1 for other matches, to ``sizes``.
 
-    The function returns the number of inliers.
+    An inlier with a parallax of -`GATE_SIGMA` sigma or less counts as another match. The function
+    returns the number of inliers.
     """
     inliers = 0
     for i in range(sizes.size):
@@ -114,7 +120,7 @@ def _inlier_parallaxes(
 
 @step_kernel
 def _reach(sizes: np.ndarray, captured: int) -> tuple[float, float]:
-    """Largest supported parallax, and further distance to the start of the fall-off, in sigma."""
+    """Largest supported parallax s1, and D, in sigma; see `fit_parallax_prior`."""
     last = max(kth_largest(sizes, captured + 1), GATE_SIGMA)
     nearer = max(kth_largest(sizes, 2 * (captured + 1)) / last, math.sqrt(0.5))
     return last, max(max(1.0 / (nearer * nearer) - 1.0, MIN_PRIOR_TAIL) * last, GATE_SIGMA)

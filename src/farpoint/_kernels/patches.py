@@ -15,8 +15,9 @@ __all__ = ["split_image", "split_patches"]
 def split_image(rays: np.ndarray, splits: int, patch: np.ndarray) -> None:
     """Assign each of the ``rays`` (3 N,) to one of ``2^splits`` patches: ``patch`` (N,).
 
-    The image is split ``splits`` times: each part is divided in two across its longest axis, at the
-    mean of its rays.
+    The image is split ``splits`` times. In each split, every part is divided in two along the
+    coordinate in which the rays of the part have the largest scatter, at the mean of this
+    coordinate.
     """
     for k in range(patch.size):
         patch[k] = 0
@@ -26,7 +27,7 @@ def split_image(rays: np.ndarray, splits: int, patch: np.ndarray) -> None:
 
 @step_kernel
 def _split(rays: np.ndarray, parts: int, patch: np.ndarray) -> None:
-    """Split each of the ``parts`` across its longest axis: rays beyond the mean form a new part."""
+    """Split each of the ``parts`` as in `split_image`: rays above the mean form a new part."""
     sizes, sums, squares = np.empty(parts), np.empty(3 * parts), np.empty(3 * parts)
     clear(sizes)
     clear(sums)

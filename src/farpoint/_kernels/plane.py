@@ -1,9 +1,10 @@
 """Second motion of a plane, and the log-likelihood ratio of both motions by the plane's relief.
 
 Two motions have the same homography of a plane (Longuet-Higgins, Proc. R. Soc. B 223, 1984, DOI
-10.1098/rspb.1984.0088). The log likelihoods of the two motions differ by chance, by about sqrt(N)
-for N matches, because each motion ignores the noise along its own epipolar lines. The relief of the
-plane distinguishes the motions, because relief displaces points only along the epipolar lines of
+10.1098/rspb.1984.0088). Residuals do not contain the noise along the epipolar lines, and the two
+motions have different epipolar lines. The log likelihoods of the two motions therefore differ by
+chance, by about sqrt(N) for N matches. The relief of the plane distinguishes the motions: relief
+displaces points from the positions that the plane predicts, and only along the epipolar lines of
 the true motion.
 """
 
@@ -60,10 +61,11 @@ def other_motion(
 ) -> tuple[bool, float]:
     """Whether the second motion of a plane competes, and the log-likelihood ratio to this motion.
 
-    ``other`` receives the second motion and its noise parameters, and is undefined if there is no
-    second motion. ``pose`` is not changed. If covariances were given for each match (``is_given``),
-    the size of the covariances is used, but not their shape, because the errors of tracks have
-    another shape.
+    The ratio is that of ``pose`` to the second motion, by the relief of the plane. ``other``
+    receives the second motion and its noise parameters, and is undefined if there is no second
+    motion. ``pose`` is not changed. If covariances were given for each match (``is_given``), the
+    size of the covariances is used, but not their shape, because the errors of tracks have another
+    shape.
     """
     count = matches.total
     gate = GATE_SIGMA * math.sqrt(pose.mixture[0])
@@ -76,8 +78,9 @@ def other_motion(
     _set_pose(other, other_R, other_t, pose.mixture)
     refine_pose(matches, COARSE_TOLERANCE, MAX_ITERATIONS, other)
     if is_same_mode(other.R, other.t, own):
-        # The refinement has left the second motion, which by chance is no local maximum, but may
-        # have nearly the same likelihood. The second motion is therefore not refined.
+        # The refinement of the second motion has converged to ``own``: the second motion is by
+        # chance no local maximum, but may have nearly the same likelihood. The second motion is
+        # therefore evaluated without refinement.
         _set_pose(other, other_R, other_t, own.mixture)
         other.cost[0] = evaluate_pose(matches, other, np.empty(4))
     is_near = other.cost[0] < own.cost[0] + planar_margin(count)
@@ -98,8 +101,8 @@ def _set_pose(pose: Pose, R: np.ndarray, t: np.ndarray, mixture: np.ndarray) -> 
 def _log_ratio(matches: PackedMatches, pose: Pose, other: Pose, is_given: bool) -> float:
     """Log-likelihood ratio of two motions by the relief, with EM of relief and noise.
 
-    The ratio is averaged over the planes fitted with each of the two motions, because a plane
-    fitted with one motion absorbs noise in favour of this motion.
+    The ratio is averaged over two planes, one fitted with each motion. The fit with one motion
+    absorbs noise along the epipolar lines of this motion, and therefore favours this motion.
     """
     pairs, prior, mixture, evidence = matches.pairs, matches.prior, pose.mixture, 0.0
     half_width, long_tail = matches.outlier_half_width, matches.long_tail
@@ -122,12 +125,12 @@ def _log_likelihood(
 ) -> float:
     """Log likelihood of the offsets from the plane (`_decompose`) under one motion.
 
-    A match belongs to one of three classes. The offset of a match in the plane has the variance of
-    the noise across the epipolar line, and the variance of noise plus relief along this line. A
-    match off the plane lies anywhere on its epipolar line. The third class is outliers. EM
-    estimates the share of matches off the plane and both variances. The variance along the lines is
-    at least the variance across the lines. If both variances are equal, all motions have the same
-    likelihood.
+    A match belongs to one of three classes. A match in the plane has an offset across its epipolar
+    line, with the variance of the noise, and an offset along this line, with the variance of noise
+    plus relief. A match off the plane lies anywhere on its epipolar line. All other matches are
+    outliers. EM estimates the share of matches off the plane and both variances. The variance along
+    the lines is at least the variance across the lines. If both variances are equal, all motions
+    have the same likelihood.
     """
     # Density along the epipolar line of a match in the plane, at the position that the plane
     # predicts, divided by the density of a match that is uniform along the line.
@@ -230,9 +233,9 @@ def _decompose(
 ) -> None:
     """Squared offsets ``parts`` from the plane: across the epipolar lines, then along the lines.
 
-    Each square is divided by the variance of the offset. The offset along a line is conditioned on
-    the offset across the line. For any shape of the noise, the sum of the two squares does not
-    depend on the direction ``t``.
+    Each square is divided by the variance of the offset. From the offset along a line, the part
+    that is correlated with the offset across the line is subtracted first. For any shape of the
+    noise, the sum of the two squares does not depend on the direction ``t``.
     """
     rotation, direction = matrix(R), vector(t)
     for i in range(matches.total):
@@ -242,8 +245,8 @@ def _decompose(
         aside = cross(line, b)
         by_line = _noise_times(matches.pairs, at, rotation, is_given, line)
         by_aside = _noise_times(matches.pairs, at, rotation, is_given, aside)
-        # Both vectors are perpendicular to the ray b; ``away`` is the offset rotated about b by 90
-        # degrees.
+        # ``line`` and ``aside`` are perpendicular to the ray b. ``away`` is the offset, rotated
+        # about b by 90 degrees.
         x, y = dot(away, line), -dot(away, aside)
         variance = dot(aside, by_aside) + 1e-300
         shared = dot(aside, by_line) / variance
@@ -255,7 +258,7 @@ def _decompose(
 
 @inlined_kernel
 def _noise_times(pairs: np.ndarray, at: int, R: Matrix, is_given: bool, v: Vector) -> Vector:
-    """Covariance of the flow from ``R a`` to b, for unit noise, times ``v`` perpendicular to b."""
+    """Covariance of the flow ``b - R a`` for a noise sigma of 1, times ``v`` perpendicular to b."""
     size = where(is_given, flow_variance(pairs, at), 0.0)
     shape = where(is_given, 0.0, 1.0)
     first, second = rotate(R, noise0(pairs, at, rotate_back(R, v))), noise1(pairs, at, v)
@@ -266,9 +269,9 @@ def _noise_times(pairs: np.ndarray, at: int, R: Matrix, is_given: bool, v: Vecto
 def _plane_offsets(point: LinearisationPoint, count: int, off: np.ndarray) -> None:
     """Offsets ``off`` (3 N,) of the rays in camera 1 from their prediction by a fitted plane.
 
-    The fit is robust. Offsets are in rad divided by the sigma of the noise, and are rotated about
-    the ray by 90 degrees. The plane ``n . X = 1`` (in camera 0, unit of the translation) moves a
-    ray a to ``R a + t (n . a)``.
+    The fit is robust. Offsets are in rad, divided by the noise sigma, and are rotated about the ray
+    by 90 degrees. The plane is ``n . X = 1`` in the axes of camera 0; the unit of length is the
+    length of the translation. This plane moves a ray a to ``R a + t (n . a)``.
     """
     size = point.prior.size
     inlier, square, spare, sizes = np.empty(size), np.empty(size), np.empty(size), np.empty(count)
@@ -321,7 +324,7 @@ def _add_to_plane(
 
 @inlined_kernel
 def _solve(M: np.ndarray, v: np.ndarray, variance: float, n: np.ndarray) -> None:
-    """Solve for the plane. Damping moves an underdetermined plane as far away as possible."""
+    """Solve for the plane. If n is underdetermined, damping selects the n of least length."""
     damping = 1e-9 * (M[0, 0] + M[1, 1] + M[2, 2]) + 1e-300 * variance
     for k in range(3):
         M[k, k] += damping

@@ -33,20 +33,22 @@ class PackedMatches(NamedTuple):
     total: int
     """Number of matches."""
     outlier_half_width: float
-    """Half-width of the strip of outliers about an epipolar line, in units of the noise."""
+    """Half-width of the strip of outliers about an epipolar line, in the unit of the noise
+    sigma."""
     long_tail: float
     """`constants.LONG_TAIL` or `constants.SHORT_TAIL`."""
     min_variance: float
-    """Lower bound of the noise variance, due to rounding, in squared units of the noise."""
+    """Lower bound of the noise variance, due to rounding, in the squared unit of the noise
+    sigma."""
     max_variance: float
     """Upper bound of the noise variance. A finite bound excludes a heavy tail; an infinite bound
     leaves variance and tail free."""
     soft_cheirality: bool
     """Whether the cheirality penalty is a residual of the refinement.
 
-    False for comparisons of modes: the penalty is 0 for a parallax above -`CHEIRALITY_SIGMA` sigma,
-    and the refinement of a reversed motion would find a pose at which all matches have a small
-    negative parallax.
+    False for comparisons of modes: with the residual, the refinement of a motion with reversed
+    direction would find a pose at which all matches have a small negative parallax, and the penalty
+    is 0 for a parallax above -`CHEIRALITY_SIGMA` sigma.
     """
 
 
@@ -63,7 +65,7 @@ class Pose(NamedTuple):
     normal: np.ndarray
     """(6, 6) normal equations; see `likelihood.linearize`."""
     cost: np.ndarray
-    """(1,) negative log likelihood."""
+    """(1,) negative log likelihood; in the search, plus the Laplace factor."""
 
 
 class LinearisationPoint(NamedTuple):

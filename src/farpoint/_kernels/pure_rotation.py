@@ -33,8 +33,9 @@ def fit_rotation(
     The function combines `rotation.refine_rotation` and `rotation.evaluate_rotation`, with the same
     prior for all ``count`` matches. The function returns the cost and the Laplace factor, which is
     that of `hypothesis_comparison.laplace_factor` for the three parameters of a rotation.
-    ``information`` (3, 3) receives the information on the rotation. The information is reduced,
-    because outliers are not known and the noise is estimated.
+    ``information`` (3, 3) receives the information on the rotation, multiplied by two factors below
+    1: one because the mixture components of the matches are unknown, one because the noise variance
+    is estimated.
     """
     prior = np.empty(inlier.size)
     for i in range(inlier.size):
@@ -83,8 +84,8 @@ def flow_beside_rotation(
 
     A match is consistent with its epipolar line if the ``residual`` (N,) of the match is within
     ``band``. ``distance2`` (N,) is the squared distance of each match from the prediction of the
-    rotation, and ``inlier`` (N,) is the inlier probability under the rotation. All values are for
-    unit noise.
+    rotation, and ``inlier`` (N,) is the inlier probability under the rotation. ``residual``,
+    ``parallax``, ``band`` and the distances are in the unit of the noise sigma.
 
     Returns
     -------
@@ -92,9 +93,10 @@ def flow_beside_rotation(
         Number of outliers of the rotation, and number of these outliers that are consistent with
         their line and flow towards the direction.
     chance : float
-        Expected value of ``near`` by chance. By chance, an outlier lies anywhere on the circle
-        around the prediction of the rotation whose radius is the distance of the outlier. The
-        probability is the share of this circle within the band, on the side of the direction.
+        Expected value of ``near`` by chance: the sum, over the outliers, of the probability that an
+        outlier is counted in ``near``. By chance, an outlier lies anywhere on a circle around the
+        prediction of the rotation. The radius is the distance of the outlier from this prediction.
+        The probability is the share of the circle within the band, on the side of the direction.
     consistent : int
         Number of inliers of the rotation that are consistent with their line.
     across, flow : float
@@ -122,7 +124,7 @@ class MatchProbabilities(NamedTuple):
     prior: np.ndarray
     """Prior of the parallax by the motion."""
     parallax: np.ndarray
-    """Parallax along the epipolar line for unit noise."""
+    """Parallax along the epipolar line, as in `likelihood.evaluate_residuals`."""
     inlier: np.ndarray
     """Inlier probability by the motion."""
     rotation_inlier: np.ndarray
@@ -135,19 +137,20 @@ def translation_log_ratio(
 ) -> float:
     """Log-likelihood ratio of a general motion to a pure rotation, over all matches.
 
-    The sum over all matches that both models explain can lower the ratio but not raise it, because
-    a rotation explains the common flow of these matches, and an F test compares the residuals of
-    these matches under both models.
+    The log ratio is a sum over the matches. The sum over the matches that both models explain is
+    set to 0 if it is positive: a rotation explains the common flow of these matches, and their
+    residuals under both models are compared by an F test (`flow_beside_rotation`).
 
-    The prior of the parallax in the fit of the motion is the density of the parallax of the other
-    inliers. In this test a share of the inliers, 0.5 or 0.9, is far, and the prior of the fit
-    applies to the remaining share only. The parallax of far inliers has one of two distributions:
-    the noise of the motion around zero; or a common mean with a variance, both estimated from the
-    matches that both models explain. A common parallax is no evidence of a translation, because the
-    pure rotation explains it, too. For the estimated mean the log ratio is reduced by
-    ``log(largest parallax / standard error of the mean)``, at least 0 (Laplace's method without the
-    factor ``1 / sqrt(2 pi)``, because the variance is estimated, too). The result is the largest
-    log ratio over both shares and both distributions, minus ``log(2)`` for the choice of the share.
+    In the fit of the motion, the prior of the parallax is the density of the parallax of the other
+    inliers. Here a share of the inliers, 0.5 or 0.9, is far, and the prior of the fit applies only
+    to the other inliers. The parallax of far inliers has a normal distribution with one of two
+    pairs of parameters: the mean 0 and the noise variance of the motion; or a common mean and a
+    variance, both estimated from the matches that both models explain. A common parallax is no
+    evidence of a translation, because the pure rotation explains it, too. For the estimated mean
+    the log ratio is reduced by ``log(largest parallax / standard error of the mean)``, at least 0
+    (Laplace's method without the factor ``1 / sqrt(2 pi)``, because the variance is estimated,
+    too). The result is the largest log ratio over both shares and both distributions, minus
+    ``log(2)`` for the choice of the share.
 
     Parameters
     ----------
@@ -155,8 +158,8 @@ def translation_log_ratio(
     sigma : float
         1-sigma noise of the general motion.
     lift : float
-        Density of a far match at its place, divided by the density of a match that is uniform along
-        the line.
+        Density of the parallax of a far match at its mean 0, divided by the density of a match that
+        is uniform along the epipolar line.
     outlier_log_ratio : float
         Logarithm of the ratio of the outlier shares under the motion and under the rotation.
     """

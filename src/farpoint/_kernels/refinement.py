@@ -77,8 +77,8 @@ def advance(
     """Evaluate the pose and take a step; False at convergence.
 
     ``point`` is updated in place; ``normal`` and ``cost`` are those before the step. ``kept`` (57,)
-    holds the likeliest pose, ``state`` (5,) the state between steps. A step that raises the cost by
-    more than `MAX_COST_INCREASE` is taken back.
+    holds the likeliest pose, ``state`` (5,) the state between steps. If the pose has a cost that is
+    more than `MAX_COST_INCREASE` above the lowest cost so far, the previous step is taken back.
     """
     R, t, mixture = point.R, point.t, point.mixture
     variance = mixture[0]
@@ -87,7 +87,8 @@ def advance(
     penalised_cost = cost[0] + share_prior_cost(mixture[2]) + share_prior_cost(mixture[3])
     if penalised_cost > state[STATE_LOWEST] + MAX_COST_INCREASE:
         restore(kept, R, t, mixture, normal, cost, shares)
-        # The first step that is taken back switches off over-relaxation; later ones add damping.
+        # The first step that is taken back switches off over-relaxation. Each later step that is
+        # taken back increases the damping.
         if state[STATE_OVER_RELAXED] == 0.0:
             state[STATE_DAMPING] = max(100.0 * state[STATE_DAMPING], 1e-2)
         state[STATE_OVER_RELAXED] = 0.0

@@ -25,10 +25,11 @@ def patch_correlation(
 ) -> float:
     """Correlation between the residuals of matches and of their neighbours in other patches.
 
-    The correlation is ``sum r_i r_nn(i) / sum r_i^2`` over at most ``most`` of the ``rows``. The
-    nearest neighbour nn(i) of a match has the least distance, over both images together, among the
-    ``rows`` with another ``patch`` (N,). The expected value is 0 for independent noise. The result
-    is also 0 if there are no neighbours.
+    The correlation is ``sum r_i r_nn(i) / sum r_i^2`` over at most ``most`` of the ``rows``; r is a
+    residual divided by ``sigma`` and clipped to +-`GATE_SIGMA`. The nearest neighbour nn(i) of a
+    match has, among the ``rows`` with another ``patch`` (N,), the least sum of the squared
+    distances in both images. The expected value is 0 for independent noise. The result is also 0 if
+    there are no neighbours.
     """
     in_order = np.empty(rows.size, np.int64)
     _sort(pairs, rows, in_order)
@@ -100,5 +101,5 @@ def _distances2(pairs: np.ndarray, at: int, other: int) -> tuple[float, float]:
 
 @inlined_kernel
 def bounded(residual: float, sigma: float) -> float:
-    """Residual over sigma, clipped to `GATE_SIGMA`."""
+    """Residual divided by sigma, clipped to +-`GATE_SIGMA`."""
     return min(max(residual / sigma, -GATE_SIGMA), GATE_SIGMA)

@@ -107,11 +107,11 @@ def refine_rotation(
     mixture: np.ndarray,
     H: np.ndarray,
 ) -> float:
-    """Maximum-likelihood rotation without translation; returns its cost.
+    """Maximum-likelihood rotation without translation; returns the cost.
 
     ``mixture`` (3,) holds the noise variance of the core, the share of outliers among all ``count``
     matches, and the share of the tail among inliers. EM updates ``mixture`` in place. Outliers fill
-    a disc of radius ``half_width``, in units of the noise.
+    a disc of radius ``half_width``, in the unit of the noise sigma.
     """
     g, step, sums = np.empty(3), np.empty(3), np.empty(4)
     cost = math.inf
@@ -134,7 +134,7 @@ def refine_rotation(
 
 @inlined_kernel
 def _clutter(variance: float, outlier_share: float, half_width: float) -> float:
-    """Density of outliers in two dimensions, divided by the density of the core at 0."""
+    """`mixture.clutter_of` in two dimensions, for outliers that are uniform in a disc."""
     return outlier_share / (1.0 - outlier_share) * 2.0 * variance / (half_width * half_width)
 
 

@@ -1,4 +1,4 @@
-"""Residual of a rotation without translation: ``E^T (b - R a)`` in units of the noise."""
+"""Residual of a rotation without translation: ``b - R a`` in the tangent plane at ``b``."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def _tangent_residual(
 ) -> tuple[tuple, tuple, float, float, float, float, float]:
     """Tangent basis ``E`` (3, 2) at ``b``, and ``E^T (b - R a)`` with its covariance.
 
-    The covariance, for unit noise, is returned as its upper triangle.
+    The covariance, for a noise sigma of 1, is returned as its upper triangle.
     """
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
     d = axpby(1.0, b, -1.0, m)
@@ -51,14 +51,14 @@ def _tangent_residual(
 
 @inlined_kernel
 def _noise_along(pairs: np.ndarray, at: int, R: Matrix, e: Vector) -> Vector:
-    """Covariance of ``b - R a``, for unit noise, times ``e``."""
+    """Covariance of ``b - R a``, for a noise sigma of 1, times ``e``."""
     later, earlier = noise1(pairs, at, e), noise0(pairs, at, rotate_back(R, e))
     return axpby(1.0, later, 1.0, rotate(R, earlier))
 
 
 @inlined_kernel
 def _square(pairs: np.ndarray, at: int, R: Matrix) -> float:
-    """Squared Mahalanobis distance of ``b`` from ``R a``."""
+    """Squared Mahalanobis distance of ``b`` from ``R a``, for a noise sigma of 1."""
     _, _, z0, z1, s00, s01, s11 = _tangent_residual(pairs, at, R)
     return (s11 * z0 * z0 - 2.0 * s01 * z0 * z1 + s00 * z1 * z1) / (s00 * s11 - s01 * s01)
 
@@ -83,9 +83,10 @@ def whitened_residual(pairs: np.ndarray, at: int, R: Matrix) -> tuple[float, Row
 
 @inner_kernel
 def rotation_distance2(pairs: np.ndarray, R: np.ndarray, out: np.ndarray) -> None:
-    """Squared Mahalanobis distances ``out`` of ``b`` from ``R a``, in units of the noise.
+    """Squared Mahalanobis distances ``out`` of ``b`` from ``R a``, for a noise sigma of 1.
 
-    Without translation each squared distance has two degrees of freedom.
+    If there is no translation, each squared distance divided by the noise variance has a
+    chi-squared distribution with two degrees of freedom.
     """
     rotation = matrix(R)
     for panel in range(out.size // LANES):

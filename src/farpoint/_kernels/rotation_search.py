@@ -18,7 +18,7 @@ __all__ = ["enlarge_rotation", "search_rotation"]
 
 @inlined_kernel
 def _distance2(pairs: np.ndarray, at: int, R: Matrix) -> float:
-    """``|b - R a|^2`` in units of the noise of one coordinate (isotropic)."""
+    """``|b - R a|^2`` divided by the mean variance of a coordinate for a noise sigma of 1."""
     d = axpby(1.0, ray1(pairs, at), -1.0, rotate(R, ray0(pairs, at)))
     return dot(d, d) / flow_variance(pairs, at)
 
@@ -130,10 +130,10 @@ def enlarge_rotation(
 ) -> int:
     """Enlarge the set of consistent matches step by step, and fit the rotation after each step.
 
-    The limit grows from 0.5 to 1 times the tolerance, because the error of a rotation from three
-    noisy rays is about as large as the noise of a far point. ``consistent`` (count,) receives
+    The limit increases from 0.5 to 1 times the tolerance, because the error of a rotation from
+    three noisy rays is about as large as the noise of a far point. ``consistent`` (count,) receives
     whether each match is within the tolerance. ``R`` is improved in place. The function returns the
-    size of the set.
+    number of consistent matches of the last fit.
     """
     M = np.empty((3, 3))
     filled_up = pairs.size // PANEL * LANES - count

@@ -14,9 +14,10 @@ __all__ = ["rounding_variance"]
 
 @kernel
 def rounding_variance(points0: np.ndarray, points1: np.ndarray) -> float:
-    """Lower bound of the variance of coordinates (N, 2), px^2; 0 if they are not rounded.
+    """Lower bound of the noise variance of rounded coordinates (N, 2), px^2; 0 without rounding.
 
-    The grid is the coarsest one on which more than 10 % of the matches lie in both images.
+    The bound is ``(GRID_SIGMA step)^2``. The step is that of the coarsest grid on which more than
+    10 % of the matches lie in both images.
     """
     step = 1.0
     for _ in range(PIXEL_GRIDS):

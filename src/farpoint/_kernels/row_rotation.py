@@ -22,11 +22,11 @@ def unroll_rays(
     unrolled: np.ndarray,
     unrolled_by_pixel: np.ndarray,
 ) -> None:
-    """Rays (N, 3) ``Exp(-phase rate) ray``, and the derivatives (N, 3, 2) of these by the pixel.
+    """Rays (N, 3) ``Exp(-phase rate) ray``, and the derivatives (N, 3, 2) of the rays by the pixel.
 
-    A phase is the time of a row after the middle row, divided by the read-out time; ``per_px`` is
-    its change to the next lower row, which is read later. ``rate`` is the rotation vector from the
-    first row to the last.
+    A phase is the time of a row after the middle row, divided by the read-out time. ``per_px`` is
+    the change of the phase from one row to the next lower row, which is read later. ``rate`` is the
+    rotation vector of the camera from the first row to the last.
     """
     velocity = vector(rate)
     axis, angle = _axis_and_angle(velocity)

@@ -42,7 +42,8 @@ def where(condition: bool, a: float, b: float) -> float:
 def exponent_and_mantissa(x: float) -> tuple[float, float]:
     """``e`` and ``m`` (from 1 to 2) of a positive normal number ``m 2^e``, both as floats."""
     bits = np.float64(x).view(np.int64)
-    # By way of 32 bits, for which processors have vector conversions.
+    # The exponent becomes a 32-bit integer, because processors have vector conversions from 32-bit
+    # integers to floats.
     exponent = np.int32(bits >> 52)
     mantissa = np.int64((bits & 0x000FFFFFFFFFFFFF) | 0x3FF0000000000000)
     return exponent - 1023.0, mantissa.view(np.float64)

@@ -96,8 +96,8 @@ def _draw_distinct(sample: np.ndarray, among: np.ndarray, n: int, state: np.ndar
 def _mark_known(matches: PackedMatches, pose: Pose, tolerance: float, known: np.ndarray) -> float:
     """Mark the matches consistent with a pose as ``known``; returns the share of known matches.
 
-    If fewer than `MIN_MATCHES` are known, the function returns 1, because samples of so few matches
-    would hardly differ.
+    If fewer than `MIN_MATCHES` are known, the function returns 1, and samples are drawn from all
+    matches, because samples of so few matches would hardly differ.
     """
     mark_consistent(matches.pairs, pose.R, pose.t, tolerance, known)
     count = 0
@@ -108,7 +108,7 @@ def _mark_known(matches: PackedMatches, pose: Pose, tolerance: float, known: np.
 
 @inlined_kernel
 def _flow(pairs: np.ndarray, R: np.ndarray, i: int) -> Vector:
-    """Flow of match ``i`` after the rotation."""
+    """Flow ``b - R a`` of match ``i``."""
     at = address(i)
     return axpby(1.0, ray1(pairs, at), -1.0, rotate(matrix(R), ray0(pairs, at)))
 
@@ -154,15 +154,16 @@ def search_pose(
 ) -> tuple[int, bool, bool]:
     """Likeliest pose near the rotation of ``best`` and among five-ray hypotheses.
 
-    The search starts at the direction of the flow of the ``candidates``. Samples of five matches
-    are solved in turn from three starts (`_solve_sample`): the best pose; a rotation with a random
-    direction; a rotation with the intersection of two great circles of the sample. Every second
-    sample is drawn from matches consistent with the best pose or a competing mode, because few of
-    these matches are outliers. A hypothesis is refined, and compared by its likelihood, if the
-    truncated sum of squared residuals is low enough (`MAX_SCORE_RATIO`, `MIN_SUPPORT_RATIO`). Each
-    hypothesis has separate noise parameters, because a wrong mode has low squares only with a large
-    variance. After a competing mode was found, more samples are drawn. Finally the best pose is
-    compared with its ambiguous motions.
+    The search starts at the rotation of ``best``, and at the direction on which the flow of the
+    ``candidates`` agrees (`search_direction`). Samples of five matches are solved in turn from
+    three starts (`_solve_sample`): the best pose; a rotation with a random direction; a rotation
+    with the intersection of two great circles of the sample. Every second sample is drawn from
+    matches consistent with the best pose or a competing mode, because few of these matches are
+    outliers. A hypothesis is refined, and compared by its likelihood, if the truncated sum of
+    squared residuals is low enough (`MAX_SCORE_RATIO`, `MIN_SUPPORT_RATIO`). Each hypothesis has
+    separate noise parameters: at a wrong mode, the ratio of squared residuals to variance is low
+    only with a larger variance, which lowers the likelihood. After a competing mode was found, more
+    samples are drawn. Finally the best pose is compared with its ambiguous motions.
 
     ``best`` receives the likeliest pose, and ``secondary`` the likeliest pose in another direction.
     The function returns the number of samples, whether the second motion of a plane competes, and
@@ -185,7 +186,8 @@ def search_pose(
         iteration += 1
         are_known = iteration % 2 == 0 and share < 1.0
         _draw_distinct(sample, known if are_known else prior, count, state)
-        # From the best pose, samples among consistent matches would converge to it again.
+        # A sample of consistent matches does not start from the best pose, because its solution
+        # would be the best pose again.
         start_kind = 1 + iteration // 2 % 2 if are_known else iteration // 2 % 3
         if not _solve_sample(pairs, sample, start_kind, start, flow, state, best, other):
             continue
@@ -220,7 +222,7 @@ def _start(
     best: Pose,
     other: Pose,
 ) -> tuple[float, float]:
-    """Refine ``best``, starting from its rotation and the direction of the ``candidates``' flow.
+    """Refine ``best`` from its rotation and the direction of the flow of the ``candidates``.
 
     The function returns the squared residual beyond which a match does not support a pose, and the
     truncated sum of squares of all matches at the refined pose. ``other`` is a buffer.
@@ -250,8 +252,9 @@ def _search_ambiguous_motions(
     )
     if is_planar:
         copy(best.mixture, other.mixture)
-        # The best pose may lie between the two motions of the plane; refined, it becomes one of
-        # them.
+        # The best pose may lie between the two motions of the plane. The refinement of the second
+        # motion may then converge to the best pose, so it is also sufficient that the second motion
+        # was within the margin before its refinement.
         within = planar_margin(matches.total)
         competes, was_close = compare_hypothesis(matches, other, best, secondary, within)
         is_planar = competes or was_close
@@ -321,9 +324,9 @@ def _direction_of_flow(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) 
 def _nearby_rotation(start: np.ndarray, flow: float, state: np.ndarray, R: np.ndarray) -> None:
     """Write a random rotation near the initial rotation ``start`` to ``R``.
 
-    The rotation vector between both has coordinates uniform in plus or minus ``flow``, the flow
-    that the initial rotation leaves, rad. If ``flow`` is below 0.2 times `LONG_FLOW_RAD`, ``R`` is
-    the initial rotation itself.
+    Each coordinate of the rotation vector from ``start`` to ``R`` is uniform between ``-flow`` and
+    ``flow``, the flow that the initial rotation leaves, rad. If ``flow`` is below 0.2 times
+    `LONG_FLOW_RAD`, ``R`` is the initial rotation itself.
     """
     if flow < 0.2 * LONG_FLOW_RAD:
         copy(start, R)

@@ -38,11 +38,12 @@ def pose_difference_ratio(
     """Mean ratio of the squared difference of the poses from two halves to its expectation.
 
     The ratio is the mean of ``d^T (C_1 + C_2)^-1 d / 5``, each at most `MAX_SPLIT_RATIO`, over
-    random ``splits``. d is the difference of two poses. Each of the two poses is refined from
-    ``pose`` by half of the matches. C_1 and C_2 (5, 5) are the covariances from the two halves at
-    ``pose``, by `covariance.covariance_here`. Matches with the same number in ``patch`` (N,) are in
-    the same half. ``state`` is the state of the random generator. A split is left out if one of the
-    halves determines no motion. The result is 1 if all splits are left out.
+    ``splits`` random splits of the matches into two halves. d is the difference between the poses
+    from the two halves; each of the two poses is refined from ``pose`` by the matches of one half.
+    C_1 and C_2 (5, 5) are the covariances from the two halves at ``pose``, by
+    `covariance.covariance_here`. Matches with the same number in ``patch`` (N,) are in the same
+    half. ``state`` is the state of the random generator. A split is left out if one of the halves
+    determines no motion. The result is 1 if all splits are left out.
     """
     total, counted = 0.0, 0
     half = np.empty(matches.total, np.int64)

@@ -20,7 +20,7 @@ _NO_FIX, _UNKNOWN = -1, 0  # NavSatStatus.STATUS_NO_FIX, NavSatFix.COVARIANCE_TY
 
 
 def speeds_of_topic(bag: Bag, topic: str, sigma: float) -> KnownSpeed:
-    """Speeds from a topic: the lengths of its linear velocities.
+    """Speeds from a topic: norms of the linear velocities in its messages.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def speeds_of_topic(bag: Bag, topic: str, sigma: float) -> KnownSpeed:
 
 
 def positions_of_topic(bag: Bag, topic: str, sigma_m: float) -> GnssPositions:
-    """The positions of a topic with ``sensor_msgs/NavSatFix``, except messages without a fix.
+    """Positions from a topic with ``sensor_msgs/NavSatFix``. Messages without a fix are skipped.
 
     Parameters
     ----------
@@ -59,7 +59,8 @@ def positions_of_topic(bag: Bag, topic: str, sigma_m: float) -> GnssPositions:
     topic : str
         Name of the topic.
     sigma_m : float
-        1-sigma of a coordinate, m, of all positions if any message has no covariance.
+        1-sigma of each coordinate, m. If any message has no covariance, ``sigma_m`` is used for all
+        positions; otherwise the covariances of the messages are used.
 
     Raises
     ------
@@ -104,7 +105,7 @@ def _velocity(message: Any) -> tuple[np.ndarray, np.ndarray | None]:
 
 
 def _sigma_along(velocity: np.ndarray, covariance: np.ndarray | None) -> float:
-    """1-sigma of the speed, m/s; NaN if the covariance is unknown (zero or -1, as in ROS's Imu)."""
+    """1-sigma of the speed, m/s; NaN if the covariance is unknown (missing, zero or negative)."""
     speed = np.linalg.norm(velocity)
     along = velocity / speed if speed > 0.0 else np.array([1.0, 0.0, 0.0])
     variance = math.nan if covariance is None else float(along @ covariance @ along)

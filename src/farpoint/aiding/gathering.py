@@ -1,4 +1,4 @@
-"""Online readings of the scale from aiding measurements and odometry results."""
+"""Readings of the metric scale during a run, from aiding measurements and odometry results."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from farpoint.odometry import OdometryResult
 
 __all__ = ["Accumulator", "accumulator_for"]
 
-_WINDOW_S = 1.0  # averaging time: errors of shorter readings are correlated
+_WINDOW_S = 1.0  # averaging time of a reading: errors over shorter times are correlated
 _LEAST_SPEED = 0.5  # m/s: below, the error of a speed is not proportional to the speed
 _LEAST_SIGMA = 0.002  # least relative 1-sigma of a reading
-_GNSS_SIGMAS = 10.0  # least distance of compared positions, in sigma
-_HEIGHT_SIGMA = 0.05  # relative 1-sigma of a reading: the road is not a plane
+_GNSS_SIGMAS = 10.0  # least distance between two compared positions, in sigma of a coordinate
+_HEIGHT_SIGMA = 0.05  # relative 1-sigma of a reading of the height, because no road is a plane
 
 
 class Accumulator(Protocol):
@@ -64,14 +64,14 @@ class _Window:
 
 
 class _Speeds:
-    """One reading per second: distance by the speeds, m, over the length of the estimated path."""
+    """Readings of one second each: distance by the speeds, m, divided by length of the path."""
 
     def __init__(self, measurement: KnownSpeed) -> None:
         self._measurement = measurement
         self._window = _Window()
 
     def add(self, camera: Camera, result: OdometryResult) -> list[Reading]:
-        """Add a result. Each second with known speeds, within one segment, gives a reading."""
+        """Add a result. Each second at 0.5 m/s or more within one segment gives a reading."""
         del camera
         middle_s = 0.5 * (result.timestamp0 + result.timestamp)
         speed = self._at(middle_s, self._measurement.speeds)
@@ -118,7 +118,7 @@ class _Speeds:
 
 
 class _Heights:
-    """One reading per second: the known height, m, over the estimated height above the ground."""
+    """Readings of one second each: known height, m, divided by the estimated camera height."""
 
     def __init__(self, measurement: CameraHeight) -> None:
         self._measurement = measurement
@@ -126,7 +126,7 @@ class _Heights:
         self._segment, self._start_s = 0, 0.0
 
     def add(self, camera: Camera, result: OdometryResult) -> list[Reading]:
-        """Add a result. Each second of one segment with the ground in view gives a reading."""
+        """Add a result. Each second in a segment with the ground in view gives a reading."""
         height = find_ground(camera, result)
         if height is None:
             return []
@@ -259,7 +259,7 @@ def _drift(result: OdometryResult) -> float:
 
 
 def _own_variance(result: OdometryResult) -> float:
-    """Variance of the length of one step, without the error common to all lengths."""
+    """Variance of the length of one translation, without the part due to the error of the scale."""
     assert result.scale is not None
     sigma = result.scale_sigma or 0.0
     return max(sigma**2 - result.scale**2 * _drift(result), 0.0)

@@ -12,19 +12,19 @@ from farpoint.pose import TrackLabel
 __all__ = ["find_ground"]
 
 _LEAST_POINTS = 12
-_LEAST_SHARE = 0.25  # of the points below the horizon: with fewer, the plane may be a kerb
+_LEAST_SHARE = 0.25  # least share of inliers of the points below the horizon: fewer may be a kerb
 _BELOW = 0.1  # sine of the least angle between the horizon and a ray to a ground point
 _TILT = 0.17  # rad: largest angle between the plane's normal and the camera's y axis
-_BAND = 0.06  # distance from the plane over the height, below which a point is an inlier
+_BAND = 0.06  # largest distance of an inlier from the plane, divided by the height
 _HYPOTHESES = 150
 
 
 def find_ground(camera: Camera, result: OdometryResult) -> float | None:
-    """Height over the ground, in the unit of the trajectory; None with too few ground points.
+    """Height of the camera over the ground, in units of the trajectory; None without a ground.
 
-    The ground is the plane through the largest number of points below the horizon, among the planes
-    with a normal within 10 degrees of the y axis of the camera. The points are the near points of
-    the motion, and their distances follow from their parallax.
+    The ground is the plane with the most inliers among the points below the horizon (RANSAC), with
+    a normal within 10 degrees of the y axis of the camera. The points are triangulated from the
+    NEAR matches of the motion. The result is None with too few points or too few inliers.
     """
     points = _points_below(camera, result)
     if len(points) < _LEAST_POINTS:
@@ -43,7 +43,7 @@ def find_ground(camera: Camera, result: OdometryResult) -> float | None:
     on = points[off[:, best]]
     if len(on) < max(_LEAST_POINTS, _LEAST_SHARE * len(points)):
         return None
-    # The plane n x = h of least squares, as (n / h) x = 1.
+    # Least-squares plane n . x = h, written as (n / h) . x = 1.
     plane = np.linalg.lstsq(on, np.ones(len(on)), rcond=None)[0]
     return float(1.0 / np.linalg.norm(plane))
 
@@ -59,7 +59,7 @@ def _points_below(camera: Camera, result: OdometryResult) -> np.ndarray:
     rays0, rays1 = camera.unproject(near.points0), camera.unproject(near.points1)
     inverse = inverse_depths(rays0, rays1, R, pose.direction_cam1_from_cam0)
     below = (rays1[:, 1] > _BELOW) & (inverse > 0.0)
-    # Parallax of at least 20 sigma of the noise: with less, the height is mostly noise.
+    # The parallax is at least 20 sigma of the noise, so that the distances have small errors.
     angle = np.linalg.norm(np.cross(rays1, rays0 @ R.T), axis=1)
     noise = (pose.noise_px or 0.1) * float(np.median(_px_rad(camera, rays1)))
     sure = below & (angle > 20.0 * noise)

@@ -1,4 +1,4 @@
-"""Kinds of aiding measurements with their 1-sigma."""
+"""Kinds of aiding measurements, with the 1-sigma of their errors."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ class KnownSpeed:
     speeds : ndarray, shape (N,)
         Speeds, m/s, without sign.
     sigma : float
-        Relative 1-sigma of the independent error of each second, and also of the error common to
-        all speeds (such as the error of a wheel's diameter).
+        Relative 1-sigma of two errors: the independent error of the mean speed over each second,
+        and the error common to all speeds, such as that of a wheel's diameter.
     sigmas_mps : ndarray, shape (N,), or None
-        1-sigma of the independent error of each speed, m/s. These errors replace the independent
-        error of each second.
+        1-sigma of the independent error of each speed, m/s. If given, ``sigma`` applies only to the
+        error common to all speeds.
     """
 
     timestamps_s: np.ndarray
@@ -70,9 +70,9 @@ class KnownDistance:
     Attributes
     ----------
     frame0, frame1 : int
-        Indices in the source, ascending.
+        Indices of the two frames, the earlier first.
     distance_m : float
-        Length of the straight line between the two positions.
+        Straight-line distance between the two positions, m.
     sigma : float
         Relative 1-sigma of the distance.
     """
@@ -100,10 +100,11 @@ class GnssPositions:
     timestamps_s : ndarray, shape (N,)
         Times, s, ascending, on the clock of the frames.
     positions_m : ndarray, shape (N, 3)
-        Positions of the antenna. If the antenna is not near the camera, rotations cause an error.
+        Positions of the antenna, m. If the antenna is not near the camera, rotations of the vehicle
+        cause an error.
     sigma_m : float
-        1-sigma of a coordinate. Errors of positions that are 10 sigma apart are taken as
-        independent.
+        1-sigma of each coordinate, m. Positions are compared only if they are at least 10 sigma
+        apart; the errors of such positions are taken as independent.
     sigmas_m : ndarray, shape (N,), or None
         1-sigma of the coordinates of each position, m, in place of ``sigma_m``.
     """

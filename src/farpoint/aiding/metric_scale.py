@@ -40,13 +40,13 @@ class MetricScale:
     Parameters
     ----------
     measurements : iterable of AidingMeasurement
-        `KnownSpeed`, `CameraHeight`, `KnownDistance` or `GnssPositions`. All measurements of one
-        kind share an error.
+        `KnownSpeed`, `CameraHeight`, `KnownDistance` or `GnssPositions`. All readings of one kind
+        share one error in addition to independent errors.
 
     Attributes
     ----------
     readings : list of Reading
-        All comparisons so far. Speeds and heights give at most one reading per second.
+        All readings so far. Speeds and heights give at most one reading per second.
 
     Examples
     --------
@@ -75,5 +75,5 @@ class MetricScale:
         return self._now
 
     def fit(self) -> MetricFit | None:
-        """The scale over the whole run, smoothed; None without a reading."""
+        """The scale over the whole run, smoothed from all readings; None without a reading."""
         return fit_readings(self.readings) if self.readings else None

@@ -23,7 +23,7 @@ __all__ = ["HeightOptions", "MetricOptions"]
 
 @dataclass(frozen=True, kw_only=True)
 class HeightOptions:
-    """Camera height, which is known before a drive. If it is given, the outputs are in metres.
+    """Camera height, as an aiding measurement. If the height is given, the outputs are in metres.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class MetricOptions(HeightOptions):
     speed_column : str
         Name of the column with the speed.
     speed_sigma : float
-        Relative 1-sigma of the speeds.
+        Relative 1-sigma of the speeds; see `KnownSpeed.sigma`.
     speed_topic : str or None
         Topic with speeds in the bag of the images: ``nav_msgs/Odometry``,
         ``geometry_msgs/TwistStamped`` or ``TwistWithCovarianceStamped``.
@@ -75,10 +75,10 @@ class MetricOptions(HeightOptions):
     gnss : Path or None
         CSV file of positions: ``timestamp,latitude,longitude,altitude`` or ``timestamp,x,y,z``.
     gnss_sigma : float
-        1-sigma of a coordinate, m.
+        1-sigma of each coordinate of a position, m.
     gnss_topic : str or None
-        Topic with ``sensor_msgs/NavSatFix`` in the bag of the images. Covariances of the messages
-        replace ``gnss_sigma`` if all messages have one.
+        Topic with ``sensor_msgs/NavSatFix`` in the bag of the images. If all messages have a
+        covariance, the covariances replace ``gnss_sigma``.
     """
 
     speed: Path | None = None

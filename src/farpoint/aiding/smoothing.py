@@ -12,18 +12,18 @@ from farpoint.aiding.readings import Reading
 
 __all__ = ["Contradiction", "MetricFit", "fit_readings"]
 
-_DOF = 3.0  # of the t distribution of readings: heavy tails
-_ROUNDS = 40
-_TOLERANCE = 1e-7
-_CONTRADICTS = 3.0  # sigma
-_EXCLUDED_FACTOR = 1e6  # variance factor of an excluded reading: finite, for regular equations
-_EXCLUSIONS = 4  # largest number of rounds; fewer if the excluded readings do not change
-_LEAST_DRIFT = 1e-8  # least variance of a scale change or a shared error: zero has no inverse
+_DOF = 3.0  # degrees of freedom of Student's t distribution of readings
+_ROUNDS = 40  # largest number of reweighted solutions
+_TOLERANCE = 1e-7  # largest change of a log scale in the last reweighted solution
+_CONTRADICTS = 3.0  # residual, in sigma, above which a reading is excluded
+_EXCLUDED_FACTOR = 1e6  # factor on the variance of an excluded reading: the weight must not be 0
+_EXCLUSIONS = 4  # largest number of solutions with different excluded readings
+_LEAST_DRIFT = 1e-8  # lower bound of variances that are inverted
 
 
 @dataclass(frozen=True, kw_only=True)
 class Contradiction:
-    """Consecutive readings of one kind that do not fit the other readings.
+    """Consecutive readings of one kind that are excluded, all too large or all too small.
 
     Attributes
     ----------
@@ -34,7 +34,8 @@ class Contradiction:
     readings : int
         Number of readings.
     ratio : float
-        Median of the ratios of the readings to the fit: 1.3 for lengths that are 30 % too large.
+        Median ratio of the readings (metres per unit) to the fit. The ratio is 1.3 for measured
+        lengths that are 30 % too large.
     """
 
     kind: str
@@ -52,7 +53,7 @@ class Contradiction:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MetricFit:
-    """Metres per unit of the trajectory, over time.
+    """Scale over time: metres per unit of the trajectory.
 
     Attributes
     ----------
@@ -65,7 +66,7 @@ class MetricFit:
     sigma : ndarray, shape (N,)
         1-sigma of ``log_metres``.
     contradictions : tuple of Contradiction
-        Readings that were left out.
+        Readings that were excluded from the fit.
     """
 
     times_s: np.ndarray
@@ -77,8 +78,8 @@ class MetricFit:
     def at(self, time_s: float, segment: int) -> tuple[float, float]:
         """Metres per unit at a time in a segment, and the 1-sigma of the logarithm of this number.
 
-        For a segment without readings, the result is a guess: the last scale of an earlier segment,
-        or the first scale if no earlier segment has readings.
+        For a segment without readings, the result is a guess: the scale at the last reading of the
+        earlier segments, or at the first reading if no earlier segment has readings.
         """
         inside = np.flatnonzero(self.segments == segment)
         if not len(inside):
@@ -93,11 +94,12 @@ class MetricFit:
 def fit_readings(readings: list[Reading]) -> MetricFit:
     """Maximum-likelihood scale over time.
 
-    The logarithm of metres per unit is modelled as a random walk from reading to reading, with the
-    variance of the scale drift of the trajectory. A reading has two errors: an independent error
-    with Student's t distribution of 3 degrees of freedom, and a normally distributed error that all
-    readings of the same kind share. The iteration starts from the weighted median of each segment.
-    Readings beyond 3 sigma are then excluded, since outliers of one sign would bias the scale.
+    The logarithm of metres per unit is modelled as a random walk from reading to reading. The
+    variance of a step of the random walk is the increase of `Reading.drift`. A reading has two
+    errors: an independent error with Student's t distribution of 3 degrees of freedom, and a
+    normally distributed error that all readings of the same kind share. The iteration starts from
+    the weighted median of the readings of each segment. Readings with a residual above 3 sigma are
+    then excluded and the scale is fitted again, because outliers on one side would bias the scale.
 
     Parameters
     ----------
@@ -140,7 +142,7 @@ def _reweighted(
     x: np.ndarray,
     common: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Solution of `_solve`, repeated with weights from the residuals until convergence."""
+    """Iteratively reweighted least squares: `_solve` with Student's t weights of the residuals."""
     fit_variance = np.zeros(len(z))
     for _ in range(_ROUNDS):
         residuals = z - x - common[kind]
@@ -152,7 +154,7 @@ def _reweighted(
 
 
 def _walk_precision(readings: list[Reading]) -> np.ndarray:
-    """Inverse variance (N - 1,) of the scale's change between readings; 0 between segments."""
+    """Inverse variance (N - 1,) of the change of log scale between readings; 0 across segments."""
     return np.array(
         [
             1.0 / max(after.drift - before.drift, _LEAST_DRIFT)
@@ -190,7 +192,7 @@ def _solve(
     B = weight[:, None] * (kind[:, None] == np.arange(len(shared)))
     right = np.column_stack([weight * z, B])
     alone = solveh_banded(banded, right) if len(z) > 1 else right / weight[:, None]
-    # Shared errors by elimination of the scale (Schur complement S).
+    # The log scales are eliminated from the equations of the shared errors (Schur complement S).
     S = np.diag(B.sum(axis=0) + 1.0 / np.maximum(shared, _LEAST_DRIFT)) - B.T @ alone[:, 1:]
     covariance = np.linalg.inv(S)
     common = covariance @ (B.T @ (z - alone[:, 0]))

@@ -18,13 +18,16 @@ from farpoint.regular_files import regular_lines
 __all__ = ["earth_centred", "read_gnss", "read_speeds"]
 
 _LARGEST_BYTES = 1 << 28
-_MOST_ROWS = 4_000_000  # 11 hours at 100 a second
+_MOST_ROWS = 4_000_000  # 11 hours at 100 rows per second
 _LARGEST = 1e12  # of a time in s, a speed in m/s or a coordinate in m or deg
 _EQUATOR_M, _FLATTENING = 6378137.0, 1.0 / 298.257223563  # WGS 84
 
 
 def read_speeds(path: str | Path, column: str = "speed") -> tuple[np.ndarray, np.ndarray]:
-    """Times (N,), s, and speeds (N,), m/s, from the columns ``timestamp`` and ``column`` of a file.
+    """Times (N,), s, and absolute speeds (N,), m/s, from two columns of a CSV file.
+
+    The times are in the column ``timestamp``. The argument ``column`` is the name of the column
+    with the speeds.
 
     Raises
     ------

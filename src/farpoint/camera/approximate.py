@@ -1,6 +1,7 @@
 """A guessed camera for images without a calibration: a pinhole with the uncertainty of the guess.
 
-The errors of the guess are the `CameraUncertainty` of the camera, which widens all covariances.
+The 1-sigma errors of the guess are the `CameraUncertainty` of the camera, which enters all
+covariances.
 """
 
 from __future__ import annotations

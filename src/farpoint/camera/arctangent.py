@@ -32,7 +32,7 @@ class Arctangent(FocalModel):
     cx, cy : float
         Principal point, px; the centre of the top-left pixel is (0, 0).
     omega : float
-        Field of view of the ideal lens, rad, above 0 (a pinhole) and below pi.
+        Distortion parameter, rad, above 0 and below pi. In the limit 0 the lens is a pinhole.
 
     Raises
     ------

@@ -46,7 +46,7 @@ class MonotonicCurve:
         for _ in range(ITERATIONS):
             value, slope = self.function(x)
             step = (values - value) / slope
-            # At the very end the slope vanishes.
+            # The slope is zero at `end`, where Newton's step would be infinite.
             x = np.clip(x + np.where(slope > 0.0, step, 0.0), 0.0, self.end)
             if not np.any(np.abs(step) > TOLERANCE):
                 break
@@ -56,8 +56,8 @@ class MonotonicCurve:
 def first_positive_root(coefficients: np.ndarray) -> float:
     """Smallest positive real root of a polynomial ``1 + c1 s + ...``; infinite without such a root.
 
-    The function finds the reciprocals of the roots, which stay finite if the last coefficients
-    vanish.
+    The function computes the reciprocals of the roots, which stay finite if the last coefficients
+    are zero.
     """
     reciprocals = np.roots(coefficients)
     real = np.abs(reciprocals.imag) < 1e-9 * np.abs(reciprocals)

@@ -32,7 +32,7 @@ PlaneDerivatives = list[tuple[np.ndarray, np.ndarray]]
 
 @dataclass(frozen=True, kw_only=True)
 class FocalModel(LensModel):
-    """A lens that maps points to a plane (a, b), and maps this plane to pixels by four numbers.
+    """A lens that maps points to a plane (a, b), and then the plane to pixels.
 
     The pixels are ``u = fx * a + cx`` and ``v = fy * b + cy``. A subclass defines the map from
     points to the plane.
@@ -167,7 +167,10 @@ def quotient_jacobian(
 def quotient_derivatives(
     x: np.ndarray, y: np.ndarray, divisor: np.ndarray, steps: tuple[np.ndarray, ...]
 ) -> PlaneDerivatives:
-    """Derivatives of ``(x, y) / divisor``, from derivatives ``steps`` of the divisor alone."""
+    """Derivatives of ``(x, y) / divisor`` by parameters on which only the divisor depends.
+
+    ``steps`` are the derivatives of the divisor by these parameters.
+    """
     scales = [-step / divisor**2 for step in steps]
     return [(x * scale, y * scale) for scale in scales]
 

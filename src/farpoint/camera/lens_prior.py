@@ -25,8 +25,8 @@ coefficient before it (convention: displacements grow smoothly towards the corne
 coefficient is exact)."""
 
 AXIS_STEP = 1e-4
-"""Tangent of the angle off the axis of two rays. The distance of their pixels is the scale at the
-centre of the image."""
+"""Tangent of the angle off the axis of two rays, one on each side of the axis. The scale at the
+centre of the image is proportional to the distance between the pixels of the two rays."""
 
 NO_EFFECT_PX = 1e-9
 """Largest displacement at the corner, px per unit of a parameter, of a parameter that counts as
@@ -104,7 +104,7 @@ def _focal_errors(roles: ParameterRoles, focal: float) -> list[Direction]:
 def _distortion_errors(
     model: CameraModel, size: tuple[int, int] | None, distortion_px: float
 ) -> list[Direction]:
-    """Errors of the coefficients. Their total RMS displacement at the corners: `distortion_px`."""
+    """Errors of the coefficients, together an RMS displacement `distortion_px` at the corners."""
     if size is None:
         raise InputError(
             "expected the size of the images: an error of the distortion is one at their corner",
@@ -125,9 +125,10 @@ def _distortion_errors(
 
 
 def _kinds(roles: ParameterRoles) -> list[tuple[tuple[str, ...], np.ndarray, float]]:
-    """Kinds of distortion: parameters, the share of each parameter, and the share of the kind.
+    """Radial and decentering distortion: parameters, their shares, and the share of the kind.
 
-    Shares are shares of the displacement at the corner. The squared shares of the kinds sum to 1.
+    A share is the displacement at the corner by one parameter (up to a common factor) or by one
+    kind, divided by the total displacement. The squared shares of the two kinds sum to 1.
     """
     decentering = DECENTERING_SHARE if roles.decentering else 0.0
     return [
@@ -141,7 +142,7 @@ def _scaled(direction: Direction, factor: float) -> Direction:
 
 
 def _at_constant_scale(model: CameraModel, name: str) -> Direction:
-    """A unit change of one parameter, and the change of scale that leaves the centre unchanged."""
+    """A unit change of a parameter, and a change of scale that keeps the scale at the centre."""
     beside = np.array([[AXIS_STEP, 0.0, 1.0], [-AXIS_STEP, 0.0, 1.0]])
     width = np.subtract(*model.project(beside)[:, 0])
     column = list(model.parameters).index(name)

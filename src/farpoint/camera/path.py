@@ -11,9 +11,9 @@ __all__ = ["project_path"]
 
 _STRAIGHT_PX = 0.2  # largest distance between the middle of a chord and its arc
 _WIDEST_RAD = np.deg2rad(2.0)  # longest arc, so that no arc skips a part of the field
-_FINEST_RAD = 1e-7  # shortest arc; at a seam its two pixels are more than _JUMP_PX apart
+_FINEST_RAD = 1e-7  # arcs up to this length are not bisected
 _HALVINGS = 30
-_JUMP_PX = 1.0
+_JUMP_PX = 1.0  # an arc that is not bisected crosses a seam if its pixels are farther apart
 _CROWDED_PX = 0.1
 
 

@@ -54,9 +54,10 @@ FEWEST_COEFFICIENTS = 4
 class RadialTangential:
     """Distortion of the plane ``(x, y) -> (a, b)``, one-to-one within its `fold`.
 
-    The map is used up to the smallest radius at which its determinant vanishes in any direction.
-    If the map is not purely radial, this radius is searched in steps of at most 0.09 degrees off
-    the axis. Beyond this radius the formula would map a second, mirrored image over the first.
+    The map is used up to the `fold`: the smallest radius at which, for some azimuth, the
+    determinant of the derivative of the map is zero. If the map is not purely radial, the fold is
+    searched in steps of at most 0.09 degrees of the angle off the axis. Beyond the fold, the
+    formula maps points into the image a second time, mirrored.
 
     Attributes
     ----------
@@ -180,11 +181,10 @@ class RadialTangential:
 
     @cached_property
     def _radial_table(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Radii r after the radial part alone, radii before this part, and quotients before /
-        after.
+        """Table of the radial part alone: distorted radii r, undistorted radii, and ratios.
 
-        Both arrays of radii increase. The radii before the radial part are tangents of evenly
-        spaced angles. The quotients are sampled in even steps of ``r / (1 + r)``.
+        Both arrays of radii increase. The undistorted radii are tangents of evenly spaced angles.
+        The ratios of undistorted to distorted radius are sampled in even steps of ``r / (1 + r)``.
         """
         before = np.tan(np.linspace(0.0, min(np.arctan(self.fold), FARTHEST_RAD), RADIAL_NODES))
         k1, k2, _, _, k3, k4, k5, k6 = self._full[:8]
@@ -227,9 +227,9 @@ class RadialTangential:
         return float(end * (1.0 - 1e-9))
 
     def _surely_keeps_orientation(self, radius: np.ndarray) -> np.ndarray:
-        """Whether, at these radii, the other terms are too small to fold the radial part.
+        """Whether, at these radii, the non-radial terms are surely too small to cause a fold.
 
-        The derivative of the map is ``A + E``, with A from the radial part and E from the other
+        The derivative of the map is ``A + E``, with A from the radial and E from the non-radial
         terms. ``A + E`` is regular if the least singular value of A exceeds the norm of E. The
         singular values of A are ``g`` (distorted over undistorted radius) and ``d(r g)/dr``. The
         norm of E is at most the sum of the absolute values of all derivatives in E.

@@ -103,7 +103,10 @@ def _about_y(angle: float) -> np.ndarray:
 
 
 def _onto_sensor(turn: np.ndarray, last: float) -> np.ndarray:
-    """Projection (3, 3) onto the plane rotated by `turn`; ``last`` is 1, or 0 for a derivative."""
+    """Projection (3, 3) onto the plane rotated by `turn`, or the derivative of this projection.
+
+    ``last`` is the last element of the matrix: 1 for the projection, 0 for the derivative.
+    """
     return np.array(
         [[turn[2, 2], 0.0, -turn[0, 2]], [0.0, turn[2, 2], -turn[1, 2]], [0.0, 0.0, last]]
     )

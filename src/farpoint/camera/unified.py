@@ -71,7 +71,8 @@ class Unified(FocalModel):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        # For larger xi the visible points, Z / |(X, Y, Z)| > -1 / xi, are those of the front half.
+        # Visible points have Z / |(X, Y, Z)| > -1 / xi. For xi = 100 this is nearly Z > 0, and a
+        # larger xi hardly changes the lens.
         object.__setattr__(self, "xi", within("xi", self.xi, 0.0, 100.0))
         object.__setattr__(self, "distortion", RadialTangential(self.distortion).coefficients)
         object.__setattr__(self, "skew", finite("skew", self.skew))

@@ -17,8 +17,8 @@ __all__ = ["as_rows", "finite", "in_blocks", "parameter_values", "positive", "wi
 BLOCK_ROWS = 8192
 
 _LARGEST = 1e12
-"""Largest magnitude of a parameter. No lens needs more, and powers and products of larger numbers
-overflow."""
+"""Largest magnitude of a parameter. No lens needs a larger one, and powers and products of larger
+parameters could overflow."""
 
 
 def finite(name: str, value: Any) -> float:

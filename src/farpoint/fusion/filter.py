@@ -31,7 +31,7 @@ from farpoint.pose import RelativePose
 
 __all__ = ["InertialFilter", "Innovation", "StartSigmas"]
 
-_STEPS_AT_ONCE = 20  # each IMU step adds 6 noise columns to the Jacobian
+_STEPS_AT_ONCE = 20  # largest number of IMU steps in one Jacobian: each adds 6 columns for noise
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,10 +42,10 @@ class StartSigmas:
     ----------
     tilt_rad, heading_rad : float
         Attitude about the horizontal axes (tilt), and about the vertical axis (heading). The
-        heading is unobservable, so the choice of heading 0 is arbitrary.
+        heading is unobservable: its initial value is arbitrary, and its 1-sigma may be small.
     velocity : float
-        Velocity, m/s. If this 1-sigma is above about 0.33 of the speed, the first updates make the
-        filter overconfident of the speed.
+        Velocity, m/s. If this 1-sigma is above about 0.33 times the speed, the covariance of the
+        speed is too small after the first updates.
     gyro_bias : float
         Bias of the gyroscope, rad/s.
     accel_bias : float
@@ -59,8 +59,9 @@ class StartSigmas:
     accel_bias: float = 0.1
 
     def covariance(self) -> np.ndarray:
-        """Covariance (18, 18) of the initial error at an image, where the attitude at the last
-        image and the current attitude are equal.
+        """Covariance (18, 18) of the error of the initial state, at the time of an image.
+
+        The attitude at the last image equals the current attitude, and the displacement is 0.
         """
         sigmas = np.zeros(ERROR_SIZE)
         sigmas[ATTITUDE] = (self.tilt_rad, self.tilt_rad, self.heading_rad)
@@ -91,18 +92,18 @@ class Innovation:
 
 
 class InertialFilter:
-    """Attitude, velocity and biases of a body from its IMU and a camera on it.
+    """Estimates attitude, velocity and IMU biases of a body that carries an IMU and a camera.
 
     The camera measures the rotation between two images and the direction of travel, each with its
-    covariance. Rotations make the gyroscope's bias observable. Changes of direction under measured
-    acceleration make the speed observable.
+    covariance. The measured rotations make the gyroscope's bias observable. The measured changes of
+    direction under the accelerations that the IMU measures make the speed observable.
 
     Parameters
     ----------
     state : InertialState
         State at the time of the first image.
     start : StartSigmas
-        Initial 1-sigma.
+        1-sigma of the errors of ``state``.
     noise : ImuNoise
         Noise of the IMU.
     body_from_cam : ndarray, shape (4, 4)
@@ -187,7 +188,7 @@ class InertialFilter:
     def travel_direction(self) -> tuple[np.ndarray, np.ndarray]:
         """Direction of travel in the body's axes, a unit vector (3,), and its covariance (3, 3).
 
-        The direction is undefined unless the speed is significantly above 0.
+        The result is meaningless if the speed is not significantly above 0.
         """
 
         def direction(step: np.ndarray) -> np.ndarray:
@@ -209,7 +210,8 @@ class InertialFilter:
         def error_measured(step: np.ndarray) -> np.ndarray:
             return motion_error(retract(self.state, step), pose, self._body_from_cam)
 
-        # For the error root @ x the prior of x is N(0, I): the singular covariance has no inverse.
+        # The error of the state is root @ x with the prior x ~ N(0, I), because the covariance is
+        # singular and has no inverse.
         root = _square_root(self.covariance)
         white = np.linalg.inv(np.linalg.cholesky(noise))
 
@@ -221,9 +223,9 @@ class InertialFilter:
                 [np.eye(ERROR_SIZE), white @ _derivative(error_measured, root @ x) @ root]
             )
 
-        # Iterated to the maximum of the posterior (Bell and Cathey, IEEE TAC 38(2), 1993,
-        # doi:10.1109/9.250476), because the direction is far from linear in the velocity while the
-        # velocity is uncertain.
+        # The update is iterated to the maximum of the posterior (Bell and Cathey, IEEE TAC 38(2),
+        # 1993, doi:10.1109/9.250476), because the direction is not linear in the velocity over the
+        # range of an uncertain velocity.
         start: Any = np.zeros(ERROR_SIZE), slope  # SciPy's types know no callable derivative
         best = least_squares(misfit, *start, method="lm")
         dof, nis = len(noise), 2.0 * float(best.cost)
@@ -249,8 +251,9 @@ def _square_root(covariance: np.ndarray) -> np.ndarray:
 
 
 def _at_an_image(covariance: np.ndarray) -> np.ndarray:
-    """The covariance after an image, where the displacement is 0, and the attitude at the last
-    image equals the current attitude.
+    """The covariance (18, 18) at the time of an image, at which the next interval starts.
+
+    The displacement is 0 without error. The attitude at the last image equals the current attitude.
     """
     carry = np.eye(ERROR_SIZE)
     carry[DISPLACEMENT] = carry[LAST_ATTITUDE] = 0.0

@@ -16,8 +16,8 @@ from farpoint.options import coerce_positive
 from farpoint.regular_files import regular_lines
 
 _LARGEST_BYTES = 1 << 30
-_MOST_ROWS = 8_000_000  # 11 hours at 200 a second
-_LARGEST = 1e12  # of a time, s, a rate or a specific force, so that products do not overflow
+_MOST_ROWS = 8_000_000  # 11 hours at 200 measurements per second
+_LARGEST = 1e12  # of a time, an angular rate or a specific force, so that products do not overflow
 
 __all__ = ["ImuNoise", "ImuSamples", "ImuSteps", "read_bag_imu", "read_euroc_imu"]
 
@@ -89,7 +89,7 @@ class ImuSamples:
     timestamps : ndarray, shape (N,)
         Seconds, increasing.
     gyro : ndarray, shape (N, 3)
-        Angular rate of the body against the world, rad/s.
+        Angular rate of the IMU relative to the world, rad/s.
     accel : ndarray, shape (N, 3)
         Specific force, m/s^2. At rest the specific force points up and has the magnitude of
         gravity.
@@ -174,7 +174,7 @@ def read_euroc_imu(path: str | Path) -> ImuSamples:
 
 
 def read_bag_imu(path: str | Path, topic: str) -> ImuSamples:
-    """Read the ``sensor_msgs/Imu`` messages of a topic of a bag, except damaged messages.
+    """Read the ``sensor_msgs/Imu`` messages of a topic of a bag. Damaged messages are skipped.
 
     Raises
     ------

@@ -19,7 +19,7 @@ from farpoint.pose import RelativePose
 __all__ = ["GRAVITY", "central_differences", "motion_error", "predicted_motion", "propagated"]
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
-"""Acceleration of free fall in the world, m/s^2. This value varies by 0.25 % over the Earth."""
+"""Acceleration of free fall in the world, m/s^2, which varies by 0.25 % between places on Earth."""
 
 _STEP = 1e-5
 
@@ -31,7 +31,7 @@ def central_differences(function: Callable[[np.ndarray], np.ndarray], size: int)
 
 
 def propagated(state: InertialState, steps: ImuSteps) -> InertialState:
-    """State propagated by IMU measurements, whose only errors are the biases in the state."""
+    """State propagated by IMU measurements, which are corrected by the biases of the state."""
     # Midpoint attitude: the error is of order dt^3.
     half_rotations = so3.exp(0.5 * steps.dt[:, None] * (steps.gyro - state.gyro_bias[..., None, :]))
     forces = steps.accel - state.accel_bias[..., None, :]
@@ -48,7 +48,7 @@ def propagated(state: InertialState, steps: ImuSteps) -> InertialState:
 def predicted_motion(
     state: InertialState, body_from_cam: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation (..., 3, 3) and translation (..., 3), m, of ``cam1_from_cam0`` since the last image.
+    """Rotation (..., 3, 3) and translation (..., 3), m, ``cam1_from_cam0``, since the last image.
 
     Parameters
     ----------
@@ -66,12 +66,12 @@ def predicted_motion(
 
 
 def motion_error(state: InertialState, pose: RelativePose, body_from_cam: np.ndarray) -> np.ndarray:
-    """``[dtheta, dbeta]`` (..., 5), rad, from the measured motion to the motion of the state.
+    """Error ``[dtheta, dbeta]`` (..., 5), rad, of the measured motion if ``state`` is true.
 
-    For the true state the result is the error that the pose's covariance describes, except that
-    ``dbeta`` is an angle and not the tangent of this angle. ``dbeta`` is therefore finite for a
-    state that moves in the opposite direction. If the pose has no direction, the result is only
-    ``dtheta`` (..., 3).
+    The components are defined as in the covariance of ``pose``, except that the length of ``dbeta``
+    is the angle between the directions and not the tangent of this angle. ``dbeta`` is therefore
+    finite for a state that moves in the opposite direction. If the pose has no direction, the
+    result is only ``dtheta`` (..., 3).
     """
     R_measured, d, B = (
         pose.rotation_cam1_from_cam0,

@@ -2,9 +2,9 @@
 
 Errors of attitude, velocity and displacement are defined as in the right-invariant filter (Barrau
 and Bonnabel, "The Invariant Extended Kalman Filter as a Stable Observer", IEEE TAC 62(4), 2017,
-doi:10.1109/TAC.2016.2594085): an error of the attitude rotates the whole world, including velocity
-and displacement. An error of the unobservable heading is then the same error vector at every state,
-so linearising at different states adds no spurious information on the heading.
+doi:10.1109/TAC.2016.2594085): an error of the attitude rotates velocity and displacement, too. An
+error of the unobservable heading is then the same error vector at every state. Linearisation at
+different states therefore adds no spurious information on the heading.
 """
 
 from __future__ import annotations
@@ -39,8 +39,9 @@ and last attitude, which the next update needs."""
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InertialState:
-    """State of a body with an IMU, in a world whose z axis points up. Leading axes may stack
-    states.
+    """State of a body with an IMU, in a world whose z axis points up.
+
+    Arrays with leading axes hold a stack of states.
 
     Attributes
     ----------
@@ -85,9 +86,10 @@ class InertialState:
 
     @classmethod
     def at_rest(cls, accel: np.ndarray) -> InertialState:
-        """State of a body at rest with this specific force (3,), m/s^2, and heading 0.
+        """State of a body at rest that measures the specific force ``accel`` (3,), m/s^2.
 
-        A bias of the accelerometer tilts the attitude by 0.1 rad per m/s^2.
+        The heading is 0. A bias of the accelerometer causes an error of the tilt of 0.1 rad per
+        m/s^2.
         """
         up = np.array([0.0, 0.0, 1.0])
         axis = np.cross(accel, up)
@@ -106,9 +108,10 @@ class InertialState:
 def retract(state: InertialState, error: np.ndarray) -> InertialState:
     """The true state, from an estimate and the error (..., 18) of this estimate.
 
-    The new state has ``R_true = Exp(dtheta) @ R`` and ``v_true = Exp(dtheta) @ v + dv``. The
-    displacement changes like the velocity. The errors of the biases are added to the biases. The
-    attitude at the last image has a ``dtheta`` of its own.
+    Attitude and velocity are ``R_true = Exp(dtheta) @ R`` and ``v_true = Exp(dtheta) @ v + dv``.
+    The displacement changes like the velocity, with the same ``dtheta``. The errors of the biases
+    are added to the biases. The attitude at the last image changes like the attitude, with another
+    ``dtheta``.
     """
     rotation, last_rotation = so3.exp(error[..., ATTITUDE]), so3.exp(error[..., LAST_ATTITUDE])
     return InertialState(

@@ -39,8 +39,8 @@ def heading_angles_deg(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Azimuth and elevation of a direction of travel with their 1-sigma, deg, both (..., 2).
 
-    Azimuth is 0 straight ahead, positive to the right, and at most 180. Elevation is positive
-    upwards.
+    The azimuth is 0 straight ahead, positive to the right, and from -180 to 180. The elevation is
+    positive upwards.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def heading_angles_deg(
     level = np.hypot(x, z)
     angles = np.stack([np.arctan2(x, z), np.arctan2(-y, level)], axis=-1)
     zero = np.zeros_like(x)
-    # The azimuth is undefined straight up or down: its sigma is infinite.
+    # For a direction straight up or down, the azimuth is undefined, and its sigma is infinite.
     with np.errstate(divide="ignore", invalid="ignore"):
         across = np.stack([z, zero, -x], axis=-1) / np.square(level)[..., None]
         up = np.stack([zero, -1.0 / level, zero], axis=-1)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import scipy  # its parts load on first use
+import scipy  # SciPy loads its submodules on first use
 
 __all__ = [
     "angle_between",
@@ -49,8 +49,8 @@ def log(R: np.ndarray) -> np.ndarray:
 def rotation_vector(R: np.ndarray) -> tuple[float, float, float]:
     """Logarithm of one rotation (3, 3) in plain numbers, because arrays take 50 times as long."""
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = R.tolist()
-    # The rows of 4 q q^T with the quaternion q. The longest row, that of the largest element of q,
-    # has the least rounding error.
+    # The rows of 4 q q^T, where q is the quaternion. The longest row belongs to the largest element
+    # of q and has the least relative rounding error.
     w, x, y, z = max(
         (1.0 + xx + yy + zz, zy - yz, xz - zx, yx - xy),
         (zy - yz, 1.0 + xx - yy - zz, xy + yx, xz + zx),
@@ -85,7 +85,7 @@ def matrix_from_quat_xyzw(quat_xyzw: np.ndarray) -> np.ndarray:
 def _rotation_of(x: float, y: float, z: float) -> np.ndarray:
     """`exp` of one rotation vector, computed from the unit quaternion of the rotation."""
     angle = math.hypot(x, y, z)
-    # sin(angle / 2) / angle, of which the limit is 1/2 up to rounding for tiny angles.
+    # sin(angle / 2) / angle. For tiny angles, this is 1/2 up to rounding.
     scale = math.sin(0.5 * angle) / angle if angle > 1e-8 else 0.5
     w, x, y, z = math.cos(0.5 * angle), scale * x, scale * y, scale * z
     xx, yy, zz, xy, xz, yz = x * x, y * y, z * z, x * y, x * z, y * z

@@ -43,8 +43,8 @@ def confidence_ring(
 ) -> np.ndarray:
     """Boundary of a confidence region of a direction: unit rays (points, 3).
 
-    The last ray equals the first. The ring is mapped from the tangent plane to the sphere, so that
-    any lens can project the ring.
+    The last ray equals the first. The boundary is an ellipse in the tangent plane, whose points are
+    normalised to unit rays, so that any lens can project the boundary.
 
     Parameters
     ----------

@@ -12,10 +12,12 @@ __all__ = ["OtherFrame", "fits_better", "other_frame"]
 
 _LEAST_MOTIONS = 10
 _LEAST_TURN_RAD = np.deg2rad(5.0)
-"""Smallest rotation that counts as other axes; below it is a calibration error (convention)."""
+"""Smallest rotation between the axes of the camera and of the truth that is reported. A smaller
+rotation counts as a calibration error (convention)."""
 
 _GAIN = 0.1
-"""Largest ratio of squared misfits with and without the rotation; noise gives nearly 1."""
+"""Largest ratio of the squared misfit with the rotation to the squared misfit without the rotation.
+Without other axes, the ratio is nearly 1."""
 
 
 class OtherFrame(NamedTuple):
@@ -32,7 +34,8 @@ class OtherFrame(NamedTuple):
 def other_frame(estimated: np.ndarray, true: np.ndarray) -> OtherFrame | None:
     """Rotation of the axes after which estimated and true relative rotations (N, 3, 3) agree.
 
-    The result is None if no rotation, except a small one, reduces the misfit by a large factor.
+    The result is None if the rotation is below `_LEAST_TURN_RAD`, or reduces the squared misfit to
+    more than `_GAIN` times its value.
 
     If two frames are fixed to each other, the rotation vectors of a motion in one frame and in the
     other frame differ by the constant rotation between the frames (the rotation part of hand-eye
@@ -53,7 +56,10 @@ def other_frame(estimated: np.ndarray, true: np.ndarray) -> OtherFrame | None:
 
 
 def fits_better(estimated: np.ndarray, true: np.ndarray, other: np.ndarray) -> bool:
-    """Whether estimated rotations (N, 3, 3) agree far better with ``other`` than with ``true``."""
+    """Whether ``other`` reduces the squared misfit of estimated rotations below `_GAIN` times.
+
+    The misfit is compared with the misfit to ``true``; all rotations are (N, 3, 3).
+    """
     known = np.isfinite(estimated).all(axis=(1, 2))
     known &= np.isfinite(true).all(axis=(1, 2)) & np.isfinite(other).all(axis=(1, 2))
     if np.count_nonzero(known) < _LEAST_MOTIONS:

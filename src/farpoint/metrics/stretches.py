@@ -1,14 +1,14 @@
 """Errors of stretches of a path, in length and in rotation, compared with their covariances.
 
-A stretch is the part of a path between two poses of one segment. Each pose has the covariance of
-its error since the beginning of the segment. The error of a stretch is the error that is added
-between the two ends of the stretch. Let ``x = [dtheta, rho, dlog_scale]`` be the error of a pose as
-a perturbation of the whole world, which moves a position ``p`` by ``dp = dtheta x p + p dlog_scale
-+ rho``. An error that later poses inherit has the same ``x`` at all these poses, so the
-covariance ``W_t`` of the inherited error grows with each motion. A pose that is located
-independently has an additional error of its own, with the covariance ``N_t``. The covariance of a
-pose is then ``C_t = W_t + N_t``. If ``N`` is not given, ``N`` is estimated from the decrease of
-``C``,
+A segment is a part of a path with one scale, and a stretch is the part between two poses of one
+segment. The covariance of a pose is that of its error since the beginning of the segment. The error
+of a stretch is the error that is added between its two ends. Let ``x = [dtheta, rho, dlog_scale]``
+be the error of a pose as a perturbation of the whole world, which moves a position ``p`` by ``dp =
+dtheta x p + p dlog_scale + rho``. An error of a motion that all later poses inherit has the same
+``x`` at all these poses. The covariance ``W_t`` of the sum of these errors up to pose t therefore
+grows with each motion. A pose that is located independently has an additional error of its own,
+with the covariance ``N_t``. The covariance of a pose is then ``C_t = W_t + N_t``. If ``N`` is not
+given, ``N`` is estimated from the decrease of ``C``,
 
     W_t = C_t - (C_t - W_{t+1})_+
 

@@ -1,4 +1,4 @@
-"""Images in, motions out: no files, no printing."""
+"""Visual odometry: motions from images. The package reads and writes no files."""
 
 from farpoint.odometry.options import OdometryOptions
 from farpoint.odometry.result import OdometryResult

@@ -15,14 +15,14 @@ __all__ = ["AngularVelocity"]
 
 
 class AngularVelocity:
-    """Mean angular velocities between successive frames."""
+    """Mean angular velocities between successive frames, and errors of their extrapolation."""
 
     def __init__(self) -> None:
         self._rates: list[np.ndarray] = []  # the last two, rad/s, in the axes of the last frame
         self._squares: deque[tuple[float, float]] = deque(maxlen=AVERAGED_CHANGES)
 
     def add(self, motion: RelativePose, seconds: float) -> None:
-        """Add the motion from the last reference frame to the next one."""
+        """Add the motion from the reference frame to the current frame, ``seconds`` later."""
         R = motion.rotation_cam1_from_cam0
         if R is None or seconds <= 0.0:
             self.break_off()
@@ -34,14 +34,17 @@ class AngularVelocity:
         self._rates = [*rates[-1:], rate]
 
     def break_off(self) -> None:
-        """Forget all motions: the next frame does not follow the last motion."""
+        """Forget the last angular velocities, because the next motion does not follow in time.
+
+        The errors of earlier extrapolations are kept.
+        """
         self._rates = []
 
     def prior(self, seconds: float) -> AngularVelocityPrior | None:
         """Prior for the next pair of frames, which are ``seconds`` apart; None at the beginning.
 
-        The prior takes the angular velocity as linear in time or as constant. The assumption with
-        the smaller error in the earlier frames is used.
+        The prior assumes that the angular velocity is constant, or that it is linear in time: the
+        assumption that had the smaller error in the earlier frames.
         """
         if not self._rates or not self._squares:
             return None

@@ -1,4 +1,4 @@
-"""Two-view motion of a camera at rest, recognised by landmarks of known distance."""
+"""Two-view motion of a camera that does not translate, by the evidence of landmarks."""
 
 from __future__ import annotations
 
@@ -15,14 +15,15 @@ __all__ = ["at_rest"]
 
 
 def at_rest(pose: RelativePose, rest: Rest | None) -> RelativePose:
-    """Replace the motion of a camera at rest by a STATIC or ROTATION_ONLY motion.
+    """Replace a two-view motion, if the camera does not translate, by STATIC or ROTATION_ONLY.
 
     Parameters
     ----------
     pose : RelativePose
         Two-view estimate.
     rest : Rest or None
-        Evidence of landmarks that the camera is at rest. If None, ``pose`` is returned unchanged.
+        Evidence from landmarks that the camera does not translate. If None, ``pose`` is returned
+        unchanged.
     """
     if rest is None:
         return pose

@@ -19,15 +19,18 @@ __all__ = ["CaptureTimes"]
 
 
 class CaptureTimes:
-    """Capture times of a camera with a constant period, from time stamps of arrival.
+    """Capture times of frames: time stamps without jitter, if the camera has a constant period.
 
-    A time stamp can be the arrival time of a frame. Drivers and buses delay frames by some
-    milliseconds, which changes velocities by 10 % and more. If the period is constant, the capture
-    time is on a line over the frame number, which is fitted to the last 60 time stamps. The errors
-    of the time stamps are then independent: the variance of an interval between two time stamps is
-    twice the variance of a time stamp, and successive intervals have a correlation of -1/2. If the
-    period varies, as on phones in changing light, the intervals are independent, and the time
-    stamps drift away from the line. The time stamps are then used unchanged.
+    A time stamp may be the arrival time of a frame. Drivers and buses delay frames by some
+    milliseconds, and such an error changes a velocity by 10 % and more. If the period is constant,
+    the capture time is linear in the frame number. The line is fitted to the last 60 time stamps,
+    and the value of the line replaces the time stamp. If the period varies, as on phones in
+    changing light, the time stamps are used unchanged.
+
+    Two statistics show whether the period is constant. With a constant period, the errors of the
+    time stamps are independent: the variance of an interval is twice the variance of a time stamp,
+    and successive intervals have a correlation of -1/2. With a varying period, the intervals are
+    uncorrelated, and the time stamps drift away from the line.
     """
 
     def __init__(self) -> None:
@@ -35,7 +38,7 @@ class CaptureTimes:
         self._last_s: float | None = None
 
     def restart(self) -> None:
-        """Forget all frames: the next one is of another recording."""
+        """Forget all frames, because the next frame belongs to another recording."""
         self._stamps.clear()
         self._last_s = None
 
@@ -50,12 +53,12 @@ class CaptureTimes:
 
     @staticmethod
     def _on_line(stamps: np.ndarray) -> float:
-        """The last time stamp, moved onto the line through all stamps if the period is constant."""
+        """Value of the fitted line at the last frame; the last time stamp for a varying period."""
         last, intervals = float(stamps[-1]), np.diff(stamps)
         period = float(np.median(intervals)) if len(intervals) > 1 else 0.0
         if not period > 0.0:
             return last
-        counts = np.maximum(np.rint(intervals / period), 1.0)  # above 1 where frames are lost
+        counts = np.maximum(np.rint(intervals / period), 1.0)  # periods; above 1 for lost frames
         x = np.concatenate([[0.0], np.cumsum(counts)])
         x -= x.mean()
         period = float(x @ stamps / (x @ x))

@@ -9,11 +9,12 @@ __all__ = ["HalfRatios"]
 
 
 class HalfRatios:
-    """Mean of `PoseStats.half_ratio` over a video so far.
+    """Mean of `PoseStats.half_ratio` over the pairs of a video so far.
 
-    The ratio of one pair has a large sampling error. On real video, ratios of neighbouring pairs
-    are hardly more correlated than ratios of distant pairs, but the mean ratios of two videos can
-    differ by a factor of 2. The mean over the earlier pairs of the video is therefore used.
+    The mean is the expected ratio of the next pair. The ratio of a single pair has a large sampling
+    error. On real video, ratios of neighbouring pairs are hardly more correlated than ratios of
+    distant pairs, so the mean is taken over all earlier pairs. The mean ratios of two videos can
+    differ by a factor of 2, so the mean is not taken over several videos.
 
     Parameters
     ----------
@@ -27,8 +28,8 @@ class HalfRatios:
     mean : float
         Mean split-half ratio.
     pairs : int
-        Number of pairs in the mean, at most `MAX_RATIO_PAIRS`. The initial ratio counts as the
-        number of pairs that was given for it.
+        Weight of the mean: number of pairs so far plus the initial weight ``pairs``, at most
+        `MAX_RATIO_PAIRS`.
     """
 
     def __init__(self, expected: float, pairs: int = FIRST_RATIO_PAIRS) -> None:

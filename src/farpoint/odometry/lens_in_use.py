@@ -19,12 +19,13 @@ __all__ = ["LensInUse"]
 class LensInUse:
     """The camera of two-view estimates.
 
-    This is the given camera until the lens estimate of the path differs significantly. An
-    insignificant difference is noise, and each change of the lens recomputes tables. After a
-    change, or if the given camera has an uncertainty, the lens covariance is ``C + d d^T``, where C
-    is the covariance of the path's estimate, and d is the difference between the lens in use and
-    the path's estimate. An unknown shutter counts as global until the estimated read-out time
-    exceeds 3 sigma.
+    The camera is the given camera until the lens estimate of the path differs significantly from
+    the lens in use. The path's estimate then becomes the lens in use. An insignificant difference
+    is mostly noise, and each change of the lens costs time, because tables are computed again.
+    After a change, or if the given camera has an uncertainty, the lens covariance is ``C + d d^T``,
+    where C is the covariance of the path's estimate, and d is the difference between the lens in
+    use and the path's estimate. An unknown shutter counts as global until the estimated read-out
+    time exceeds 3 sigma.
 
     Parameters
     ----------
@@ -40,7 +41,7 @@ class LensInUse:
             self.camera = camera.with_readout(1e-3 * options.readout_ms)
         self._is_shutter_known = self.camera.readout_s is not None
         self._z: np.ndarray | None = None  # lens in use; None for the given lens
-        self._solution: np.ndarray | None = None  # covariance at the last update
+        self._solution: np.ndarray | None = None  # lens covariance at the last update
 
     def update(self, lens: LensEstimate | None) -> None:
         """Adopt the path's estimate of lens and shutter if the difference is significant."""
@@ -60,7 +61,7 @@ class LensInUse:
             self.camera = self.camera.with_readout(lens.readout_s, sigma_s)
 
     def interval_s(self, seconds: float) -> float | None:
-        """Time between two views, s, at least the read-out time; None if either is unknown."""
+        """Time between two views, s, at least the read-out time; None if either time is unknown."""
         if seconds <= 0.0 or self.camera.readout_s is None:
             return None
         return max(seconds, self.camera.readout_s)

@@ -13,9 +13,13 @@ __all__ = ["checked_mask", "tracked_region"]
 
 
 def checked_mask(mask: np.ndarray, size: tuple[int, int] | None) -> np.ndarray:
-    """Copy of the mask as bool (H, W). An invalid mask or one of another size is an InputError.
+    """Copy of the mask as bool (H, W). In a mask of uint8, 128 and above becomes True.
 
-    In a mask of uint8, 128 and above is True.
+    Raises
+    ------
+    InputError
+        If the mask is invalid, has no True pixel, or has another size than ``size`` (width and
+        height).
     """
     mask = np.asarray(mask)
     if mask.ndim != 2 or mask.dtype not in (np.dtype(bool), np.dtype(np.uint8)):
@@ -33,9 +37,9 @@ def checked_mask(mask: np.ndarray, size: tuple[int, int] | None) -> np.ndarray:
 def tracked_region(
     camera: Camera, mask: np.ndarray | None, options: TrackerOptions
 ) -> np.ndarray | None:
-    """Region (H, W), bool, in which tracks may lie; None if they may lie everywhere.
+    """Region (H, W), bool, in which tracks may lie; None if tracks may lie everywhere.
 
-    The camera has a known image size.
+    The image size of the camera must be known.
 
     Raises
     ------

@@ -21,12 +21,12 @@ class OdometryOptions:
         Detection and tracking of points.
     pose : RelativePoseOptions
         Options of the two-view estimate. By default `shared_error_px` is 0.002, the common error of
-        tracks on rendered street scenes. `half_splits` is 8. `sharing_beyond_patches` is 6.5, its
+        tracks on rendered street scenes. `half_splits` is 8. `sharing_beyond_patches` is 6.5, the
         maximum-likelihood value for compressed video of street scenes. `expected_half_ratio` is
-        used for the first pair of frames. For each later pair `expected_half_ratio` is replaced by
-        the mean split-half ratio of the earlier pairs.
+        used for the first pair of frames. For each later pair, the mean split-half ratio of the
+        earlier pairs replaces `expected_half_ratio`.
     path : PathOptions
-        Options of the window over keyframes, which keeps one scale.
+        Options of the sliding window of keyframes.
     lens : LensRefinementOptions
         Prior uncertainty of lens and shutter.
     seed : int

@@ -31,22 +31,24 @@ class OdometryResult:
         Pose of the camera: transformation from camera axes to the world. The axes of the first
         frame are the world axes.
     scale, scale_sigma : float or None
-        Length of the translation from ``frame0`` to ``frame1`` and its 1-sigma, in the unit of the
-        trajectory: the length of the first observable translation. The first translation of a later
-        segment has the length ``last speed * time``. None without a translation.
+        Length of the translation from ``frame0`` to ``frame1`` and 1-sigma of the length, in units
+        of the trajectory. The unit is the length of the first observable translation. The first
+        translation of a later segment has the length ``last speed * time``. None without a
+        translation.
     world_covariance : ndarray, shape (7, 7), or None
         Covariance of the errors ``[dtheta (3), dposition (3), dlog_scale]`` that have accumulated
         since the beginning of the segment, in world axes, rad and units of the trajectory. The
         rotation R and the position p of ``world_from_cam`` have the errors ``R_true = Exp(dtheta)
-        @ R`` and ``p_true = p + dposition``. ``dlog_scale`` is the error of the scale, common to
-        all later motions.
+        @ R`` and ``p_true = p + dposition``. ``dlog_scale`` is the error of the logarithm of the
+        scale, which all later motions share.
     segment : int
-        Number of the segment, from 0. A new segment begins at each frame at which the scale or the
-        whole motion was lost, for example at a cut. Lengths within a segment have one scale.
+        Number of the segment, from 0. A new segment begins at a frame whose motion from the last
+        frame is unknown: at a cut, or where the time stamp decreases. All lengths of a segment are
+        on one scale.
     scale_is_guessed : bool
-        Whether ``scale`` is extrapolated from the last speed, because no point of known distance
-        was in view after a pure rotation. ``scale_sigma`` and all later covariances include the
-        uncertainty of the speed.
+        Whether ``scale`` is last speed times time, because no point of known distance was in view
+        after a pure rotation. ``scale_sigma`` and all later covariances include the uncertainty of
+        the speed.
     """
 
     frame0: int

@@ -16,7 +16,7 @@ class RisingTime:
     Attributes
     ----------
     falls : int
-        Number of decreases.
+        Number of time stamps below the previous time stamp.
     """
 
     def __init__(self) -> None:
@@ -25,7 +25,7 @@ class RisingTime:
         self._last_s: float | None = None
 
     def update(self, timestamp: float) -> tuple[float, bool]:
-        """The shifted time stamp, s, and whether time decreased just before this frame."""
+        """The shifted time stamp, s, and whether ``timestamp`` decreased from the last frame."""
         seconds, last_s = timestamp + self._shift_s, self._last_s
         fell = last_s is not None and seconds < last_s
         if last_s is not None and fell:

@@ -56,7 +56,10 @@ class _Reference:
     """Last known direction, cam1_from_cam0."""
 
     def predicted(self) -> tuple[np.ndarray, np.ndarray] | None:
-        """The next motion, cam1_from_cam0, if velocities in camera axes are constant."""
+        """Rotation and direction, cam1_from_cam0, of the next motion for constant velocity.
+
+        The velocity is assumed to be constant in the axes of the camera.
+        """
         if self.motion is None or self.direction is None:
             return None
         R = self.motion.rotation_cam1_from_cam0
@@ -66,12 +69,13 @@ class _Reference:
 class Odometry:
     """Motion of a calibrated camera from frame to frame.
 
-    Each frame is compared with the last usable frame. A sliding window estimates the poses of the
-    last keyframes together with the distances of points, the lens and the shutter. Two-view motions
-    use the lens of the window. A frame is unusable if it cannot be decoded, has another size or has
-    no texture: its result is FAILED, and the frame is skipped. If the matches of a textured frame
-    have no consensus, as at a cut, a new segment of the trajectory begins at that frame. Each
-    segment has one scale.
+    The motion of each frame is estimated relative to the last usable frame. A sliding window
+    estimates the poses of the last keyframes together with the distances of points, the lens and
+    the shutter. Two-view motions use the window's estimate of lens and shutter. A frame is unusable
+    if the frame cannot be decoded, has another size than the first frame, or has no texture. The
+    result of an unusable frame has the status FAILED. If a textured frame has no consensus among
+    its matches, as at a cut, a new segment of the trajectory begins at this frame. Each segment has
+    one scale.
 
     Parameters
     ----------
@@ -81,16 +85,16 @@ class Odometry:
         Options of each stage.
     mask : ndarray of bool or uint8, shape (H, W), optional
         Mask of the size of the frames. True, or white (128 and above), marks pixels that are used.
-        False, or black, marks objects that move with the camera, such as a bonnet, a mount, or a
-        logo in the picture. A track neither begins nor continues at a pixel whose window (15 px
-        wide by default) contains black pixels of the mask.
+        False, or black, marks pixels of objects that move with the camera, such as a bonnet or a
+        mount, and of logos in the picture. A track neither begins nor continues at a pixel if the
+        window around the pixel (15 px wide by default) contains black pixels of the mask.
 
     Attributes
     ----------
     camera : Camera
         The given camera, with the size of the frames as soon as the first image is processed.
     seconds : dict
-        Time spent so far in ``"tracks"``, ``"pose"`` and ``"path"``.
+        Computing time so far, s, of the stages ``"tracks"``, ``"pose"`` and ``"path"``.
 
     Examples
     --------
@@ -120,13 +124,13 @@ class Odometry:
         self._angular_velocity = AngularVelocity()
         self._time, self._capture, self._fields = RisingTime(), CaptureTimes(), Deinterlacer()
         self._captured = 0.0  # capture time of the current frame, s
-        self._timestamps: dict[int, float] = {}  # of frames whose poses are not final
+        self._timestamps: dict[int, float] = {}  # by frame index, if the pose is not final
         self._next_index = 0
-        self._has_size = False  # fixed by the first image
+        self._has_size = False  # whether the first image has set the size
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Notes on the images for users of the results."""
+        """Properties of the images that affect the results, each as one or two sentences."""
         notes = []
         if self._fields.is_interlaced:
             notes.append("The images are interlaced: only their even lines are used.")
@@ -145,9 +149,10 @@ class Odometry:
     def final_poses(self) -> list[FinalPose]:
         """Poses that became final since the last call, in the order of their frames.
 
-        A pose is final, and does not change any further, after its keyframe has left the window or
-        after about 150 frames. In contrast, `OdometryResult.world_from_cam` is the estimate made
-        when the frame was processed.
+        Later frames do not change a final pose. A pose is attached to the last keyframe, and is
+        final as soon as this keyframe has left the window, or after about 150 further frames. In
+        contrast, `OdometryResult.world_from_cam` is the estimate at the time when the frame was
+        processed.
         """
         return self._stamped(self._path.final_poses())
 
@@ -199,7 +204,7 @@ class Odometry:
             begins. All time stamps from this frame on are then shifted, so that the time stamps of
             results never decrease.
         fault : str, optional
-            Why there is no image.
+            Reason why ``image`` is None.
 
         Raises
         ------
@@ -215,7 +220,7 @@ class Odometry:
         self, image: np.ndarray | None, timestamp: float, fault: str | None, index: int
     ) -> OdometryResult:
         timestamp, fell = self._time.update(timestamp)
-        if fell:  # another recording, joined to the one before
+        if fell:  # another recording begins
             self._capture.restart()
             self._reference = None
             self._path.break_off()
@@ -262,11 +267,12 @@ class Odometry:
             image is split into patches of 3 to 6 neighbouring tracks instead of cells.
         """
         tracks = result.tracks
-        # Errors of lens and shutter, and errors common to all tracks, cancel in the difference.
+        # Errors of lens and shutter, and errors common to all tracks, are equal in both halves and
+        # cancel in the difference. They are therefore left out of the covariances.
         camera = replace(self._lens.camera.with_uncertainty(), readout_sigma_s=None)
         options = replace(self._pose_options(), shared_error_px=0.0)
         if cell_px is None:
-            # Errors correlated beyond patches cancel too.
+            # Errors that are correlated beyond patches cancel, too.
             options = replace(options, sharing_beyond_patches=0.0)
             groups = patches_of(self._lens.camera.unproject(tracks.points0))
         else:
@@ -339,7 +345,7 @@ class Odometry:
     def _without_perspective(
         self, tracks: Tracks, seconds: float, reference: _Reference
     ) -> tuple[Tracks, Searched | None]:
-        """Tracks corrected for perspective by a motion from a two-view search, and the search."""
+        """Tracks corrected for perspective, and the two-view search that gave the motion for it."""
         options = self.options.pose
         if not options.refine:
             return tracks, None
@@ -353,7 +359,7 @@ class Odometry:
     def _estimate(
         self, points0: np.ndarray, points1: np.ndarray, covariance_px2: np.ndarray, seconds: float
     ) -> RelativePose:
-        """The motion between any two views, for the path."""
+        """The motion between two views that the path chooses."""
         views = self._views_of(self._lens.camera, points0, points1, covariance_px2, seconds)
         return estimate_views(
             views, replace(self._pose_options(), half_splits=0), self.options.seed
@@ -381,7 +387,7 @@ class Odometry:
         covariance_px2: np.ndarray,
         seconds: float,
     ) -> Views:
-        # The covariance is that of the displacement: each end carries half of it.
+        # Half of the covariance of a displacement is assigned to each of the two points.
         half_px2 = 0.5 * covariance_px2
         interval_s = self._lens.interval_s(seconds)
         return Views(points0, points1, camera, camera, half_px2, half_px2, None, interval_s)

@@ -1,7 +1,7 @@
-"""Every number of the path that has a name: unit, meaning and origin.
+"""Named constants of `farpoint.path`: meaning, unit and origin.
 
-Origin is "derived" (from what), "convention", "measured" (by what), or "chosen" where nothing more
-is known. Numbers that kernels of the two-view estimator use, too, are in
+The origin is "derived" (from what), "convention", "measured" (by what), or "chosen" if no other
+origin is known. Constants that are shared with kernels of the two-view estimator are in
 `farpoint._kernels.constants`.
 """
 
@@ -25,12 +25,12 @@ CHI2_P999_OF_5 = 20.5
 # chi-square.
 CHI2_P99_OF_3 = 11.3
 
-# Log likelihood by which a two-view motion may fall short of the path's first motion and still
-# replace it. Chosen.
+# A two-view motion can replace the first motion of the path if the log likelihood of the two-view
+# motion is at most this much lower. Chosen.
 DECISIVE_LOG_RATIO = 2.0
 
-# Inverse distance, in sigma, above which a new point counts in the median inverse distance of the
-# new points. Chosen.
+# Least ratio of the inverse distance of a new point to its 1-sigma, for points that enter the
+# median inverse distance of the new points. Chosen.
 SIGNIFICANT_PARALLAX_SIGMA = 5.0
 
 # --- First solutions
@@ -42,16 +42,16 @@ FIRST_ITERATIONS = 6
 # little.
 LATER_ITERATIONS = 1
 
-# 1-sigma of a displacement while the scale is unknown, over the length of the segment's first
-# displacement. Chosen.
+# 1-sigma of a displacement of unknown length, divided by the length that defines the scale
+# (`PathBuilder._unit`). Chosen.
 UNKNOWN_LENGTH_SIGMA = 2.0
 
-# Flow since the first keyframe over `PathOptions.keyframe_flow_px`, above which the first motion is
-# tested (`first_motion.contradicting_motion`). Chosen.
+# The first motion is tested (`first_motion.contradicting_motion`) as soon as the flow since the
+# first keyframe exceeds this share of `PathOptions.keyframe_flow_px`. Chosen.
 RELIABLE_FLOW_SHARE = 0.5
 
-# Least flow since the keyframe for the next estimate of a direction, over the flow of the last
-# estimate without an observable direction. Convention.
+# While no direction is observable, the motion since the last keyframe is estimated again as soon as
+# the flow since the keyframe has increased by this factor. Convention.
 NEXT_ATTEMPT_FLOW_RATIO = 1.25
 
 # Largest number of frame poses that wait for their keyframe to leave the window. Chosen.
@@ -59,15 +59,17 @@ MAX_PENDING_FRAMES = 150
 
 # --- Lens and shutter
 
-# Displacement of pixels, px, beyond which derivatives by the lens are computed again. Derived: the
-# linearisation error is the square of the displacement over the focal length, about 0.01 px.
+# Displacement of pixels by a change of the lens, px, beyond which the derivatives by the lens are
+# computed again. Derived: the linearisation error is the square of the displacement divided by the
+# focal length, about 0.01 px.
 STALE_LENS_PX = 2.0
 
-# 1-sigma of an unknown read-out time over the time between frames. Chosen: a read-out takes at most
-# the time between frames.
+# 1-sigma of an unknown read-out time, divided by the time between frames. Chosen: a read-out takes
+# at most the time between frames.
 UNKNOWN_READOUT_SIGMA = 0.5
 
-# 1-sigma of a known read-out time, s. Chosen: small, for regular equations.
+# 1-sigma of a known read-out time, s. Chosen: negligible, but above 0, because the variance is
+# inverted.
 EXACT_READOUT_SIGMA_S = 1e-9
 
 # Largest distance of a predicted pixel from the image centre, in image widths (u) or heights (v): 1
@@ -80,31 +82,33 @@ LENS_GRID = (9, 7)
 
 # --- Perspective of windows
 
-# 1-sigma of each element of the affine warp of a matched window, without occlusion. Chosen.
+# 1-sigma error of each element of the affine warp of a matched window without a depth edge. Chosen.
 WARP_SIGMA = 0.01
 
 # Prior 1-sigma of the slope of a surface: derivative of log distance by angle, 1 / rad. Chosen.
 SLOPE_SIGMA = 2.0
 
-# Added to the diagonal of ``J^T J``, rad^2 / px^2, with the derivatives J (3, 2) of a ray by the
-# pixel: keeps the matrix invertible. Chosen.
+# Added to the diagonal of ``J^T J``, rad^2 / px^2, to keep the matrix invertible. J (3, 2) is the
+# derivative of a ray by its pixel. Chosen.
 MIN_TANGENT_METRIC = 1e-15
 
-# Corrections of a match beyond this length, px, are discarded. Chosen.
+# Limit of each coordinate of the correction of a match, px. Corrections beyond are not applied.
+# Chosen.
 MAX_CORRECTION_PX = 0.2
 
-# 1-sigma of a match, px, over the misfit of its warp to a plane (`perspective._planes`). Measured
-# on rendered streets through four lenses; the command is not recorded.
+# Ratio of the added 1-sigma of a match, px, to the misfit of the warp (`perspective._planes`).
+# Measured on rendered streets through four lenses; the command is not recorded.
 PX_PER_WARP_MISFIT = 1.2
 
-# Upper bound of the misfit of a warp. Chosen: the window has passed the correlation test.
+# Upper bound of the misfit of a warp. Chosen: the correlation test has rejected windows that match
+# badly.
 MAX_WARP_MISFIT = 0.2
 
 # --- Pose of a frame
 
-# Two runs of Gauss-Newton steps: factors on the residual variances, one for each step, and whether
-# the lens is linearised anew before the run. The first factors are 100, for convergence from an
-# initial error of 10 sigma. Chosen.
+# Two runs of Gauss-Newton steps. For each run: factors on the residual variances, one for each
+# step, and whether the lens is linearised again before the run. The first factors are 100, for
+# convergence from an initial error of 10 sigma. Chosen.
 RESIDUAL_INFLATIONS = (
     (np.array([100.0, 100.0, 25.0, 9.0]), False),
     (np.array([4.0, 1.0, 1.0, 1.0]), True),
@@ -115,60 +119,62 @@ RESIDUAL_INFLATIONS = (
 # Reciprocal of the golden ratio: low-discrepancy sampling of tracks. Derived.
 GOLDEN_SHARE = (math.sqrt(5.0) - 1.0) / 2.0
 
-# Share of the points of a keyframe that are still in view, below which the keyframe is marginalised
-# first. Chosen.
+# A keyframe is marginalised before all others if the share of its points that are still in view is
+# below this limit. Chosen.
 MIN_SHARE_IN_VIEW = 0.05
 
-# Number of the newest keyframes, which are never removed. Chosen.
+# The newest keyframes, in this number, are never removed from the window. Chosen.
 NEWEST_KEYFRAMES = 2
 
-# Added to the distance between two keyframes, which is in units of the median distance of the
-# points: keeps 1 / distance finite (`selection.redundant_keyframe`). Chosen.
+# Added to the distance between two keyframes, to keep 1 / distance finite. The distance is
+# multiplied by the median inverse distance of the points (`selection.redundant_keyframe`). Chosen.
 SAME_PLACE = 0.02
 
-# Number of patches along the longer side of an image. Sums of residuals over patches give the
-# design effect. Chosen.
+# Number of patches along the longer side of an image. The variance of the sums of residuals over
+# patches gives the design effect. Chosen.
 PATCHES_PER_IMAGE = 4
 
 # Least inverse distance of a point, in the inverse unit of the path. Chosen.
 MIN_INVERSE_DEPTH = 1e-6
 
-# Prior 1-sigma of the inverse distance of a new point, over the median inverse distance. Chosen.
+# Prior 1-sigma of the inverse distance of a new point, divided by the median inverse distance.
+# Chosen.
 NEW_DEPTH_SIGMA = 2.0
 
-# Information added to every inverse distance before elimination, times the square of the median
-# inverse distance. Chosen.
+# This number, divided by the square of the median inverse distance, is added to the information on
+# every inverse distance before the points are eliminated. Chosen.
 DEPTH_DAMPING = 1e-3
 
 # Largest relative 1-sigma of the inverse distance of a reliable point. Chosen.
 RELIABLE_DEPTH_SIGMA = 0.25
 
-# Largest 1-sigma of the inverse distance of a reliable far point, over the median inverse distance.
-# Chosen.
+# Largest 1-sigma of the inverse distance of a reliable far point, divided by the median inverse
+# distance. Chosen.
 FAR_DEPTH_SIGMA = 0.1
 
-# Largest ratio of an inverse distance after a step to the inverse distance before the step, or to
-# the median inverse distance if this is larger. Chosen.
+# Upper bound of an inverse distance after a step, divided by the larger of the inverse distance
+# before the step and the median inverse distance. Chosen.
 MAX_DEPTH_STEP_RATIO = 10.0
 
 # --- Window
 
-# Relative 1-sigma of the baseline that fixes the gauge of the scale. Chosen.
+# Relative 1-sigma with which the length of a baseline is fixed (gauge of the scale). Chosen.
 SCALE_GAUGE_SIGMA = 1e-4
 
-# 1-sigma of the first pose, the gauge of poses, in rad and in the unit of the path. Chosen.
+# 1-sigma with which the first pose is fixed (gauge of the poses), rad and units of the path.
+# Chosen.
 POSE_GAUGE_SIGMA = 1e-6
 
 # Relative Levenberg-Marquardt damping of the first step of a solution. Chosen.
 FIRST_DAMPING = 1e-6
 
-# Factor on the damping after a step that increases the cost. Chosen.
+# Factor by which the damping is increased after a step that increases the cost. Chosen.
 DAMPING_FACTOR = 100.0
 
 # Largest number of tries of a step, with increasing damping. Chosen.
 MAX_TRIES = 3
 
-# Bounds of the factor on the variances of residuals. Chosen.
+# Bounds of the estimated factor on the variances of residuals. Chosen.
 VARIANCE_FACTOR_BOUNDS = (0.1, 100.0)
 
 # Least number of residuals for an update of the variance factor. Chosen.
@@ -177,22 +183,23 @@ MIN_RESIDUALS = 50
 # Bounds of the design effect. Chosen.
 DESIGN_EFFECT_BOUNDS = (1.0, 50.0)
 
-# Initial design effect. Measured: recordings have 1 to 4; the command is not recorded.
+# Initial design effect. Measured: the design effects of recordings are 1 to 4; the command is not
+# recorded.
 FIRST_DESIGN_EFFECT = 1.5
 
-# Factor on the design effect for spurious information from linearising at noisy estimates: ratio of
-# squared errors to variances of lens, shutter and path, for tracks with independent errors.
-# Measured: `farpoint bench --tables lens`.
+# Factor on the design effect, because linearisation at noisy estimates adds spurious information.
+# The factor is the ratio of squared errors to variances of lens, shutter and path, for tracks with
+# independent errors. Measured: `farpoint bench --tables lens`.
 LINEARISATION_EFFECT = 2.0
 
-# Weight of the previous value in the exponential smoothing of variance factor and design effect,
-# from solution to solution. Chosen.
+# Weight of the previous value in the exponential smoothing of variance factor and design effect
+# over successive solutions. Chosen.
 SMOOTHING = 0.8
 
 # --- Kernels
 
-# Information of an unknown that no observation constrains, in place of zero, whose inverse would
-# overflow. Derived: a standard deviation of 1e12 rad or units.
+# Lower bound of the information on an unknown, because the inverse of zero would overflow. Derived:
+# a standard deviation of 1e12 rad or units of the path.
 LEAST_INFORMATION = 1e-24
 
 # Relative ridge on the information of a frame's pose, for components that no point constrains.
@@ -202,9 +209,10 @@ WINDOW_RIDGE = 1e-9
 # Value in place of the residual, px, of a point that is not in front of the camera. Convention.
 UNSEEN_PX = 1e9
 
-# Cost, in log likelihood, of a point behind the camera. Chosen: as a residual of many sigma.
+# Cost, in log likelihood, of an observation whose point is not in front of the camera. Chosen: that
+# of a residual of many sigma.
 UNSEEN_COST = 50.0
 
 # Least cosine of the angle between the ray to a point and the ray at which the lens is linearised.
-# Below, the point counts as not in front of the camera. Chosen.
+# With a smaller cosine, the point counts as not in front of the camera. Chosen.
 MIN_FACING_COSINE = 0.2

@@ -37,13 +37,14 @@ def contradicting_motion(
     new_window: Callable[[], Window],
     most: int,
 ) -> Window | None:
-    """Window of two views for a motion that contradicts the path; None without a contradiction.
+    """Window of two views, optimised from ``motion``, if ``motion`` contradicts the path.
 
     With short flow, two different motions may explain the matches, and the path may have started
-    from the wrong motion. Two motions between the views are optimised separately, each with lens
-    and shutter: the motion of the path, and the two-view ``motion`` with the same length. The
-    two-view motion contradicts the path under two conditions: it differs significantly from the
-    motion of the path, and its log likelihood is at most 2 below that of the path.
+    from the wrong motion. Two motions between the views are therefore optimised separately, each
+    with lens and shutter: the motion of the path, and the two-view ``motion`` with the same length.
+    The two-view motion contradicts the path if it differs significantly from the motion of the
+    path, and if its log likelihood is not more than 2 below that of the motion of the path. The
+    result is None without a contradiction.
 
     Parameters
     ----------
@@ -54,7 +55,7 @@ def contradicting_motion(
     new_window : callable
         Returns an empty window with the prior of lens and shutter.
     most : int
-        Largest number of tracks in the window.
+        Largest number of tracks of each view in the window.
     """
     length = float(np.linalg.norm(now.p - first.p))
     if length == 0.0 or motion.status is not PoseStatus.OK:
@@ -83,7 +84,8 @@ def _optimised(first: WindowView, now: WindowView, window: Window, most: int) ->
 def _is_consistent(views: Window, now: WindowView) -> bool:
     """Whether the motion of a two-view window is consistent with the path (chi-square test).
 
-    Rotation and direction are compared. The length of the motion is not compared.
+    ``now`` has the pose of the path. The rotations and the directions of translation are compared,
+    but not the lengths of the translations.
     """
     motion, covariance = views.relative_pose(0, 1)
     first, length = views.frames[0], float(np.linalg.norm(motion[:3, 3]))

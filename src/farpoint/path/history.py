@@ -19,7 +19,7 @@ class TrackObservations(NamedTuple):
     ----------
     ids : ndarray of int64, shape (N,)
     pixels : ndarray, shape (N, 2)
-        Positions: first position plus the sum of all displacements.
+        Positions: first position of the track plus the sum of the displacements of all matches.
     last, accumulated : ndarray, shape (N, 3)
         Covariance (uu, uv, vv), px^2, of the last match, and sum of the covariances of all matches.
     """
@@ -44,14 +44,13 @@ class TrackObservations(NamedTuple):
 class TrackHistory:
     """Accumulates the displacements of tracks.
 
-    Displacements are summed, because a match starts at the position of the tracker's window. This
-    position may differ from the end of the previous match, which was corrected for perspective
-    (`farpoint.path.perspective`).
+    The position of a track is its first position plus the sum of the displacements of its matches.
+    A match therefore need not start where the previous match ended.
 
     Attributes
     ----------
     order : ndarray of int64, shape (N,)
-        Rows of the tracks in the last pair of frames, sorted by id.
+        Indices that sort the matches of the last `update` by track id.
     """
 
     def __init__(self) -> None:

@@ -31,8 +31,9 @@ def solution(system: System, damping: float) -> np.ndarray:
 def inverse(H: np.ndarray) -> np.ndarray:
     """Covariance: inverse of an information matrix.
 
-    The matrix is scaled to a unit diagonal before the inversion. A direction without information,
-    or with negative information due to rounding, has a large variance.
+    The matrix is scaled to a unit diagonal before the inversion. Eigenvalues of the scaled matrix
+    that are zero, or negative due to rounding, are replaced by a lower bound: the variance along
+    such an eigenvector is large but finite.
     """
     unit, factor, found = np.empty(len(H)), np.empty_like(H), np.empty_like(H)
     if factorise(H, ROUNDING, unit, factor):

@@ -44,18 +44,19 @@ class Landmarks:
         Derivatives of the estimated inverse distance by the unknowns of the last solution: 6 for
         each pose, lens and read-out time. Zero for points that were not part of the last solution.
     has_depth, is_reliable : ndarray of bool, shape (M,)
-        Whether the point has two observations, and whether the error of the inverse distance is
-        small relative to the inverse distance or to the median inverse distance of all points.
+        Whether the inverse distance has been initialised (`Window.triangulate`), and whether the
+        inverse distance is accurate enough for resection (`Window._mark_reliable`).
     point, slot : ndarray of int64, shape (N,)
-        For each observation, row of the point and slot of the observing keyframe. Slots ascend.
+        For each observation, row of the point, and slot of the observing keyframe (index in
+        `Window.frames`), ascending.
     pixels : ndarray, shape (N, 2)
         Observed pixels.
     last, accumulated : ndarray, shape (N, 3)
-        Covariance (uu, uv, vv), px^2, of the last match, and sum of the covariances along the
-        track.
+        Covariance (uu, uv, vv), px^2, of the last match before the observation, and sum of the
+        covariances of all matches of the track up to the observation.
     residuals, by_s : ndarray, shape (N, 2)
-        Expected minus observed pixel, px, and derivative of this residual by the inverse distance,
-        at the last solution.
+        Residual (expected minus observed pixel), px, and derivative of the residual by the inverse
+        distance, at the last solution.
     by_pose, by_common : ndarray, shapes (N, 2, 6), (N, 2, r + 1)
         Derivatives of the residuals by the pose of the observing keyframe, and by lens and read-out
         time.
@@ -147,7 +148,7 @@ class Landmarks:
         self.point = row_of[self.point]
 
     def rays_at(self, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Rays of pixels (N, 2), derivatives by the lens, and whether all of them are finite."""
+        """Rays of pixels (N, 2), derivatives by the lens, and a mask (N,) of finite values."""
         rays, by_lens = self._lens.rays_of(pixels)
         seen = np.isfinite(rays).all(axis=1) & np.isfinite(by_lens).all(axis=(1, 2))
         return rays, by_lens, np.asarray(seen)
@@ -169,7 +170,7 @@ class Landmarks:
         """First observation of points (N,) by a keyframe other than ``slot``; -1 if none."""
         first = np.full(len(self.ids), -1)
         others = np.flatnonzero(self.slot != slot)[::-1]
-        first[self.point[others]] = others  # reversed: the first observation is written last
+        first[self.point[others]] = others  # reversed order: the first observation overwrites
         return first[rows]
 
     def remove(self, points: np.ndarray, slot: int) -> None:

@@ -67,8 +67,8 @@ def given_lens(camera: Camera) -> LensReport:
 def with_prior(camera: Camera, options: LensRefinementOptions) -> Camera:
     """The camera with the prior sigmas of the lens parameters.
 
-    The sigmas are those of the calibration, or those of the options if the calibration has none. If
-    the lens is not refined, the camera has no sigmas.
+    The sigmas are those of the calibration, or those of the options if the calibration has no
+    sigmas. If the lens is not refined, the returned camera has no sigmas.
     """
     if not options.refine:
         return camera.with_uncertainty()
@@ -84,7 +84,8 @@ def with_prior(camera: Camera, options: LensRefinementOptions) -> Camera:
 class LensEstimate:
     """Estimated lens parameters and read-out time.
 
-    The lens parameters are ``given + factor @ z`` with the prior ``z ~ N(0, I)``.
+    The lens parameters are ``given + factor @ z`` with the prior ``z ~ N(0, I)``. The columns of
+    ``factor`` are independent 1-sigma errors of the given parameters (`Camera.parameter_factor`).
 
     Parameters
     ----------
@@ -92,14 +93,14 @@ class LensEstimate:
         The given camera with its size.
     options : LensRefinementOptions
     interval_s : float
-        Time between two frames.
+        Time between two frames, s. An unknown read-out time has a prior 1-sigma of half this time.
 
     Attributes
     ----------
     z : ndarray, shape (r,)
-        Change of the lens parameters along r independent directions, in prior sigmas.
+        Coefficients of the r columns of ``factor``.
     readout_s : float
-        Read-out time.
+        Read-out time, s.
     """
 
     def __init__(self, camera: Camera, options: LensRefinementOptions, interval_s: float) -> None:
@@ -147,8 +148,8 @@ class LensEstimate:
     def step(self, change: np.ndarray) -> None:
         """Add a change (r + 1,) to ``z`` and the read-out time.
 
-        The change of ``z`` is scaled down so that no pixel moves by more than 10 px, because the
-        lens model is linearised.
+        If the change of ``z`` would move a pixel by more than 10 px, the change of ``z`` is scaled
+        down to 10 px, because the linearisation of the lens is inaccurate for larger displacements.
         """
         lens = change[:-1]
         share = min(1.0, 5.0 * STALE_LENS_PX / max(self.moved_px(lens), 1e-12))
@@ -159,7 +160,10 @@ class LensEstimate:
         return self.moved_px(self.change) > STALE_LENS_PX
 
     def relinearise(self) -> None:
-        """Linearise at the current lens. An invalid lens is reset to the linearisation point."""
+        """Linearise at the current ``z``.
+
+        If ``z`` gives an invalid lens, ``z`` is set to the last linearisation point instead.
+        """
         try:
             self._model = self._refinable.with_parameters(self.parameters())
         except InputError:
@@ -168,7 +172,7 @@ class LensEstimate:
             self._linear_z = self.z
 
     def parameters(self) -> np.ndarray:
-        """Estimated parameters (P,) of the model's ``refinable()``."""
+        """Estimated values (P,) of the parameters of ``Camera.refinable``."""
         return np.array(list(self._refinable.parameters.values())) + self.factor @ self.z
 
     def rays_of(self, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -182,9 +186,9 @@ class LensEstimate:
     def pixels_of(self, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Pixels (N, 2) of rays, derivatives by the rays (N, 2, 3) and by ``z`` (N, 2, r).
 
-        A pixel farther outside the image than the image's width or height is NaN. At such pixels
-        the projection is not linear in the lens parameters, and the derivatives of a pinhole are
-        infinite at 90 degrees from the optical axis.
+        A pixel is NaN if it is outside the image by more than the image's width (in u) or height
+        (in v). There, the linearisation in the lens parameters is inaccurate, and the derivatives
+        of a pinhole grow to infinity at 90 degrees from the optical axis.
         """
         assert self.given.size is not None
         pixels, by_ray, by_parameters = self._model.linearised(rays)
@@ -230,7 +234,7 @@ class LensEstimate:
         )
 
     def _reach_px(self) -> np.ndarray:
-        """Displacements (N, 2, r) of a grid of pixels when each element of ``z`` changes by 1."""
+        """Displacements (N, 2, r), px, of a grid of pixels, for a change of each ``z[i]`` by 1."""
         assert self.given.size is not None
         width, height = self.given.size
         u, v = np.meshgrid(

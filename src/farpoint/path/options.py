@@ -21,14 +21,14 @@ class PathOptions:
     keyframe_flow_px : float
         Median flow since the last keyframe, px, above which a frame becomes a keyframe.
     keyframe_share : float
-        Share of the last keyframe's tracks that are still followed, 0 to 1, below which a frame
-        becomes a keyframe.
+        A frame becomes a keyframe if the share of the last keyframe's tracks that are still
+        followed, 0 to 1, is below this limit.
     max_tracks : int
         Largest number of tracks of each keyframe in the window.
     speed_ratio_sigma : float
-        1-sigma of the logarithm of the ratio of two speeds: before and after a pure rotation that
-        leaves no landmark in view. The ratio is taken as 1, and this 1-sigma is added to the error
-        of the logarithmic scale.
+        1-sigma of the logarithm of the ratio of the speeds after and before a pure rotation that
+        leaves no landmark in view. The scale after the rotation follows from equal speeds (ratio
+        1), and the square of this 1-sigma is added to the variance of the logarithmic scale.
     """
 
     keyframes: int = 12

@@ -64,7 +64,10 @@ class Pair:
 
 
 class _Step(NamedTuple):
-    """A motion, and the tracks in both frames. ``is_inlier`` marks the inliers of the motion."""
+    """A motion, with tracks in the first frame (``before``) and in the second frame (``now``).
+
+    ``is_inlier`` (N,) marks the tracks that are inliers of the motion.
+    """
 
     before: TrackObservations
     now: TrackObservations
@@ -79,14 +82,15 @@ class _Step(NamedTuple):
 
 
 class PathBuilder:
-    """Chains motions of consecutive frames on one scale.
+    """Chains motions of consecutive frames on one scale, with a sliding window of keyframes.
 
-    The length of the first observable motion is the unit of the path. The poses of later frames
-    come from resection with the window's landmarks. If the tracks have moved far since the last
-    keyframe, or too many tracks are lost, the frame becomes a keyframe. The window's keyframes,
-    landmarks, lens and shutter are then optimised jointly. If no landmark is in view, the scale is
-    extrapolated from the last speed, and `PathOptions.speed_ratio_sigma` is added to the error of
-    the scale.
+    The unit of the path is the length of the first motion whose direction is observable. The poses
+    of later frames come from resection with the window's landmarks. A frame becomes a keyframe if
+    the median flow since the last keyframe exceeds `PathOptions.keyframe_flow_px`, or if the share
+    of tracks that are still followed is below `PathOptions.keyframe_share`. The window's keyframes,
+    landmarks, lens and shutter are then optimised jointly. If the landmarks in view cannot give the
+    scale, the length of the next motion is last speed times time, and
+    `PathOptions.speed_ratio_sigma` squared is added to the variance of the logarithmic scale.
 
     Time and memory for a frame do not depend on the number of earlier frames.
 
@@ -114,29 +118,31 @@ class PathBuilder:
 
     def _begin_segment(self) -> None:
         self._history = TrackHistory()
-        # Covariance (7, 7) at the window's start, including that of an extrapolated scale.
+        # Covariance (7, 7) and position of the pose at which the window starts. The covariance
+        # includes the variance of an extrapolated scale.
         self._base, self._base_p = np.zeros((7, 7)), self._p
         self._reset_window()
 
     def _reset_window(self) -> None:
         self._window: Window | None = None
         self._key_tracks: TrackObservations | None = None
-        # Keyframe at the start of the first motion, and its tracks; None after `_restart`.
+        # First keyframe and its tracks, until `_restart` tests the first motion; otherwise None.
         self._first: tuple[Keyframe, TrackObservations] | None = None
-        # Flow since the keyframe, px, of the last estimate without an observable direction.
+        # Flow since the last keyframe, px, when `_since_keyframe` last estimated a motion.
         self._unobservable_flow = 0.0
         self._new_keyframe: Keyframe | None = None
         self._is_key, self._has_scale = False, False
         self._twist = self._twist_before = np.zeros(6)
         self._pending_twist: tuple[Keyframe, np.ndarray] | None = None
-        # Derivatives (6, D) of the current pose by the window's last solution, if there is one.
+        # Derivatives (6, D) of the current pose by the unknowns of the window's last solution; None
+        # before the first solution.
         self._by_state: np.ndarray | None = None
-        self._own = np.zeros((6, 6))  # covariance of the current pose if this solution is fixed
+        self._own = np.zeros((6, 6))  # covariance of the current pose if these unknowns are exact
         self._step = np.zeros((6, 6))  # covariance of the last resection
 
     @property
     def now(self) -> PathPoint:
-        """The last pose, as a point of the path without a motion."""
+        """The last pose, as a `PathPoint` without the length of a motion."""
         return PathPoint(
             world_from_cam=pose_matrix(self._R, self._p),
             covariance=self._covariance(),
@@ -153,18 +159,18 @@ class PathBuilder:
         return None if self._lens is None else self._lens.report()
 
     def break_off(self) -> PathPoint:
-        """Begin a new segment at the last pose. Nothing constrains the motion between segments."""
+        """Begin a new segment at the last pose. The motion between the two segments is unknown."""
         self._pending.freeze_all()
         self._segment += 1
         self._begin_segment()
         return self.now
 
     def pass_over(self, frame: int, timestamp: float) -> None:
-        """Add a frame without a motion, at the last pose."""
+        """Add a frame whose motion is unknown, with the pose of the frame before."""
         self._add_pending(frame, timestamp)
 
     def relative_pose(self, frame0: int, frame1: int) -> tuple[np.ndarray, np.ndarray] | None:
-        """Motion between two keyframes, with covariance; None if one of the two left the window.
+        """Motion between two keyframes, with covariance; None if a frame is not in the window.
 
         Returns
         -------
@@ -181,7 +187,7 @@ class PathBuilder:
         return self._window.relative_pose(slots[frame0], slots[frame1])
 
     def add(self, camera: Camera, tracks: Tracks, motion: RelativePose, pair: Pair) -> PathPoint:
-        """Add a motion from the last frame to the next, with a status other than FAILED.
+        """Add the motion from the previous frame to the current frame.
 
         Parameters
         ----------
@@ -190,7 +196,7 @@ class PathBuilder:
         tracks : Tracks
             Matches of the motion.
         motion : RelativePose
-            Two-view estimate.
+            Two-view estimate with a status other than FAILED.
         pair : Pair
             The two frames.
         """
@@ -255,7 +261,7 @@ class PathBuilder:
             window.set_unit()
             window.triangulate()
             self._solve(window, motion)
-            # Before this solution the displacement of no frame was known.
+            # Before this solution, no displacement of a frame and thus no velocity was known.
             window.reset_linear_velocities()
             self._twist = self._twist_before = window.frames[-1].twist
             self._pending_twist = None
@@ -268,10 +274,11 @@ class PathBuilder:
         return self._point(pair, motion, None, last_p)
 
     def _since_keyframe(self, step: _Step, seconds: float) -> RelativePose | None:
-        """Two-view motion since the last keyframe.
+        """Two-view motion from the last keyframe to the current frame.
 
-        None if the motion from the last frame has no observable direction, and the flow since the
-        keyframe is less than 1.25 times the flow of the last estimate without a direction.
+        The estimate is skipped, and the result is None, if two conditions hold: the motion from the
+        previous frame has no observable direction, and the flow since the keyframe is less than
+        1.25 times the flow at which the last estimate was made.
         """
         before, now = self._key_tracks, step.inliers
         assert before is not None
@@ -285,7 +292,7 @@ class PathBuilder:
         return self._since(before, now, seconds)
 
     def _unit(self, seconds: float) -> float:
-        """Length of a segment's first displacement: last speed times ``seconds``; 1 if unknown."""
+        """Length of a window's first displacement: last speed times ``seconds``; 1 if unknown."""
         return 1.0 if self._speed is None or seconds <= 0.0 else self._speed * seconds
 
     def _since(
@@ -299,11 +306,13 @@ class PathBuilder:
         return self._estimate(before.pixels[rows[rows >= 0]], both.pixels, covariances, seconds)
 
     def _restart(self, window: Window, step: _Step) -> np.ndarray:
-        """Restart the window if two views with larger flow contradict its first motion.
+        """Restart the window if a motion with larger flow contradicts the first motion.
 
-        Poses since the first view are corrected in proportion to time, so that the later view gets
-        the pose of the contradicting motion. The distance between the views is kept. All keyframes
-        are then optimised again. The function returns the shift (3,) of the last frame's position.
+        The motion is the two-view motion from the first keyframe to the current frame. If this
+        motion contradicts the path, it replaces the pose of the current frame, at the same distance
+        from the first keyframe. The change of a pose in between is proportional to the time since
+        the first keyframe. All keyframes are then optimised again. The function returns the shift
+        (3,) of the position of the previous frame.
         """
         assert self._first is not None
         (first, tracks), self._first, pair = self._first, None, step.pair
@@ -341,7 +350,8 @@ class PathBuilder:
         motion, pair, now, is_inlier = step.motion, step.pair, step.now, step.is_inlier
         assert motion.rotation_cam1_from_cam0 is not None
         R = self._R @ motion.rotation_cam1_from_cam0.T
-        # Initial position by constant velocity; resection converges from 10 sigma.
+        # With an observable direction, the initial position assumes constant velocity. Resection
+        # converges from initial errors of 10 sigma.
         continues = motion.status is PoseStatus.OK
         start = self._p + self._twist[3:] * pair.seconds if continues else self._p
         last = self._R, self._p
@@ -378,14 +388,19 @@ class PathBuilder:
         return point if rest is None else replace(point, rest=rest, scale=None, scale_sigma=None)
 
     def _carries_scale(self, window: Window, located: Located, seconds: float) -> bool:
-        """Whether landmarks determine the displacement better than the last speed."""
+        """Whether the position from landmarks is accurate enough to keep the scale.
+
+        The 1-sigma of the position, divided by a length, must be below
+        `PathOptions.speed_ratio_sigma`. The length is the largest of last speed times ``seconds``
+        and the distances of the keyframes from the previous position.
+        """
         lengths = [float(np.linalg.norm(frame.p - self._p)) for frame in window.frames]
         known = max(*lengths, (self._speed or 0.0) * seconds)
         sigma = float(np.sqrt(np.trace(located.covariance[3:, 3:]) / 3.0))
         return sigma < self._options.speed_ratio_sigma * known
 
     def _extrapolate_scale(self, window: Window, step: _Step) -> PathPoint:
-        """Start a new window at the last frame, with a scale extrapolated from the last speed."""
+        """Start a new window at the previous frame; the last speed gives the window's scale."""
         self._pending.freeze_all()
         self._base, self._base_p = self._covariance(), self._p
         self._base[6, 6] += self._options.speed_ratio_sigma**2
@@ -395,7 +410,11 @@ class PathBuilder:
         return replace(self._initialise(fresh, step), scale_is_guessed=True)
 
     def _dead_reckoned(self, motion: RelativePose, seconds: float) -> np.ndarray:
-        """Covariance (6, 6) of a pose without resection, with the window's solution fixed."""
+        """Covariance (6, 6) of a pose without resection, if the window's solution is exact.
+
+        The rotation is the last rotation times the two-view rotation. The position is the last
+        position, with an error of last speed times ``seconds`` (1-sigma) along each axis.
+        """
         own, displacement = self._own.copy(), (self._speed or 0.0) * seconds
         if motion.rotation_covariance is not None:
             own[:3, :3] += self._R @ motion.rotation_covariance @ self._R.T
@@ -405,18 +424,18 @@ class PathBuilder:
     def _rest(
         self, window: Window, now: TrackObservations, motion: RelativePose, located: Located
     ) -> Rest | None:
-        """Evidence that the camera is at rest; None without such evidence.
+        """Evidence that the camera does not translate; None without such evidence.
 
-        NEAR matches on moving objects can give a camera at rest a two-view translation. Evidence
-        for rest is then: the displacement of the located pose is not significant, at least half of
-        the landmarks agree with this pose, and at least half of the NEAR matches have no landmark
-        that agrees.
+        Matches on moving objects can give a two-view translation (NEAR matches) although the camera
+        does not translate. The evidence is: the displacement by resection is not significant, at
+        least half of the landmarks agree with the resection, and at most half of the NEAR matches
+        belong to landmarks that agree.
         """
         if motion.status is not PoseStatus.OK:
             return None
         displacement = located.p - self._p
-        # Covariance of the motion between two located frames, without the design effect. A smaller
-        # covariance gives fewer reports of a camera at rest.
+        # Covariance of the motion between two frames located by resection, without the factor of
+        # the design effect. A smaller covariance makes reports of a camera at rest rarer.
         spread = 2.0 / window.design_effect * located.covariance
         if (
             displacement @ np.linalg.pinv(spread[3:, 3:], hermitian=True) @ displacement
@@ -444,13 +463,14 @@ class PathBuilder:
     ) -> bool:
         """Whether the median flow exceeds ``share`` times `PathOptions.keyframe_flow_px`.
 
-        The result is also True if too many tracks are lost.
+        The result is also True if the share of tracks ``before`` that are still followed is below
+        `PathOptions.keyframe_share`.
         """
         assert before is not None
         return self._flow(before, now) > share * self._options.keyframe_flow_px
 
     def _flow(self, before: TrackObservations, now: TrackObservations) -> float:
-        """Median flow between two frames, px; infinite if too many tracks are lost."""
+        """Median flow, px; infinite if too many tracks ``before`` are lost (`keyframe_share`)."""
         rows = before.rows_of(now.ids)
         both = rows >= 0
         if not both.any() or both.sum() < self._options.keyframe_share * len(before.ids):
@@ -468,7 +488,11 @@ class PathBuilder:
         self._unobservable_flow = 0.0
 
     def _complete_keyframe(self, window: Window, before: TrackObservations) -> None:
-        """Add the tracks that begin in the last keyframe: they are known after the next match."""
+        """Add the tracks that begin in the last keyframe to the window.
+
+        These tracks are known only after the match of the keyframe with the next frame. ``before``
+        holds all tracks of this match, with positions in the keyframe.
+        """
         if not self._is_key:
             return
         self._is_key = False
@@ -488,8 +512,8 @@ class PathBuilder:
         newest = window.frames[-1]
         before = {id(frame): frame.twist for frame in window.frames}
         window.solve(LATER_ITERATIONS if window.has_marginalised else FIRST_ITERATIONS)
-        # The solution changes the newest keyframe's velocity. The same change is added to the
-        # velocities of the last frames.
+        # The solution changes the newest keyframe's velocity. The same change is added to the mean
+        # velocities over the last two intervals between frames.
         change = newest.twist - before[id(newest)]
         self._twist, self._twist_before = self._twist + change, self._twist_before + change
         if self._pending_twist is not None:
@@ -512,8 +536,8 @@ class PathBuilder:
             previous, (before2, before, after) = self._pending_twist
             previous.twist, self._pending_twist = _between(before2, before, after, twist), None
         if keyframe is not None:
-            # Mean of the velocities before and after the keyframe; at the first keyframe the
-            # velocity after it.
+            # Mean of the velocities over the intervals before and after the keyframe. For the first
+            # keyframe, the velocity over the interval after the keyframe.
             is_first, last = not keyframe.twist.any(), self._twist
             keyframe.twist = twist if is_first else 0.5 * (last + twist)
             if self._twist_before.any():
@@ -551,7 +575,8 @@ class PathBuilder:
         """Covariance (7, 7) of the pose in the segment.
 
         The covariance is the propagated covariance of the window's first pose plus the covariance
-        within the window. The scale error of the first pose multiplies the displacement since then.
+        within the window. An error of the scale at the first pose causes a position error that is
+        proportional to the displacement from the first pose.
         """
         displacement = self._p - self._base_p
         by_base = np.eye(7)
@@ -561,7 +586,8 @@ class PathBuilder:
     def _covariance_within(self) -> np.ndarray:
         """Covariance (7, 7) of the pose within its window.
 
-        The covariance is that of the window's solution plus that of the resection.
+        The covariance is the sum of three terms: the propagated covariance of the window's
+        solution, the covariance of the pose if this solution is exact, and `second_order_variance`.
         """
         covariance = np.zeros((7, 7))
         if self._window is not None and self._by_state is not None:
@@ -587,11 +613,11 @@ class PathBuilder:
 def _between(
     before2: np.ndarray, before: np.ndarray, after: np.ndarray, after2: np.ndarray
 ) -> np.ndarray:
-    """Velocity at a time, from the mean velocities over two intervals before and two after it.
+    """Velocity at a keyframe, from mean velocities over the two intervals before and two after.
 
     For intervals of equal length, the result is exact if the velocity is a polynomial of third
-    degree. The mean of the inner two intervals alone would underestimate an oscillating velocity.
-    The estimated read-out time would then be too large, because the product of velocity and
-    read-out time explains the image shear.
+    degree in time. The mean of ``before`` and ``after`` alone would underestimate the extremes of
+    an oscillating velocity. The estimated read-out time would then be too large, because the
+    observed shear of the image is proportional to the product of velocity and read-out time.
     """
     return (7.0 * (before + after) - (before2 + after2)) / 12.0

@@ -1,4 +1,4 @@
-"""Frame poses that still change when keyframes of the window change."""
+"""Frame poses that move with the keyframes of the window until the poses are final."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class _Pending:
     timestamp: float
     segment: int
     keyframe: Keyframe | None
-    R: np.ndarray  # frame to keyframe axes; to the world once final
+    R: np.ndarray  # from frame axes to keyframe axes; if final, to world axes
     p: np.ndarray
     covariance: np.ndarray
 
@@ -36,7 +36,7 @@ class _Pending:
 
 
 class Correction:
-    """Changes of the keyframes, which are applied to the poses between the keyframes.
+    """Changes of keyframe poses, interpolated in time for the poses between the keyframes.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class Correction:
         self._before = {id(key): (key.R, key.p) for key in keyframes}
 
     def at(self, timestamp: float) -> np.ndarray:
-        """Rotation vector and shift (6,) at a time, interpolated linearly between keyframes."""
+        """Change (6,) at a time, as rotation vector and shift: linear between the keyframes."""
         changes = []
         for key in self._keyframes:
             R, p = self._before[id(key)]
@@ -58,7 +58,7 @@ class Correction:
         return np.array([np.interp(timestamp, times, each) for each in np.transpose(changes)])
 
     def move(self, pose: _Pending) -> None:
-        """Move a pose that is attached to one of the keyframes."""
+        """Apply the change at the time of a pose that is attached to one of the keyframes."""
         key = pose.keyframe
         if key is None or id(key) not in self._before:
             return
@@ -71,8 +71,8 @@ class Correction:
 class PendingPoses:
     """Queue of frame poses. Each pose is returned once, when it is final.
 
-    A pose is final when its keyframe leaves the window, or when it is the oldest of more than 150
-    poses.
+    A pose is final when its keyframe leaves the window (`freeze`), when it is the oldest of more
+    than 150 poses in the queue, or after `freeze_all`.
     """
 
     def __init__(self) -> None:
@@ -110,7 +110,7 @@ class PendingPoses:
                 pose.freeze()
 
     def correct(self, correction: Correction) -> None:
-        """Move the poses between keyframes as the keyframes have moved."""
+        """Apply a correction to all poses that are attached to keyframes of the correction."""
         for pose in self._poses:
             correction.move(pose)
 

@@ -33,15 +33,15 @@ def without_perspective(
     """Correct matches for the quadratic part of perspective motion within their windows.
 
     The matched warp is affine, but the motion of a slanted plane in a window also has a quadratic
-    part, which biases the match by 0.01 to 0.05 px. All windows on a road or a wall have the same
-    bias, and the covariances of single matches do not include a common bias. Surface slopes are
-    estimated from the warps. The quadratic part follows from the slopes and the motion of the
-    camera.
+    part, which biases the match by 0.01 to 0.05 px. The biases of windows on the same road or wall
+    are similar, and the covariances of single matches do not include such a common error. The slope
+    of the surface in each window is estimated from the warp. The quadratic part follows from the
+    slope and the motion of the camera.
 
-    The slope of a plane changes the warp of its window only along the flow. A component of the
-    warp across the flow therefore indicates that the window contains two motions, at a depth edge.
-    The variance of the match is increased by ``(1.2 px * misfit)^2``, where the misfit is the norm
-    of this component.
+    The slope of a plane displaces pixels, and thus changes the warp, only along the epipolar line.
+    If the warp also contains displacements across the epipolar line, the window probably shows two
+    motions, at a depth edge. The variance of the match is increased by ``(1.2 px * misfit)^2``,
+    where the misfit is the norm of the part of the warp across the epipolar line.
 
     Parameters
     ----------
@@ -52,12 +52,13 @@ def without_perspective(
     R_cam1_from_cam0 : ndarray, shape (3, 3)
         Approximate rotation between the images.
     direction : ndarray, shape (3,), or None
-        Unit translation in camera 1 axes; None if unknown.
+        Approximate direction of translation in the axes of camera 1, a unit vector; None if
+        unknown.
 
     Returns
     -------
     Tracks
-        Corrected matches with larger covariances. The field ``windows`` is None.
+        Corrected matches, with covariances that include the misfits. ``windows`` is None.
     """
     if tracks.windows is None:
         return tracks
@@ -76,7 +77,7 @@ def without_perspective(
 
 
 class _Motion(NamedTuple):
-    """Motion of points: a point on ray r at inverse distance s moves to ``R r + s direction``."""
+    """Motion of points: ray r with the inverse distance s becomes the ray ``R r + s direction``."""
 
     R: np.ndarray
     direction: np.ndarray
@@ -88,7 +89,10 @@ class _Motion(NamedTuple):
 def _quadratic_coefficients(
     points: np.ndarray, camera: Camera, motion: _Motion, planes: np.ndarray
 ) -> np.ndarray:
-    """Coefficients (N, 2, 3) of ``u^2``, ``u v``, ``v^2`` in the motion around each pixel."""
+    """Coefficients (N, 2, 3) of ``u^2``, ``u v``, ``v^2`` in the motion around each pixel.
+
+    ``u`` and ``v`` are the offsets from the pixel, px.
+    """
     h = WARP_STEP_PX
     steps = h * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1], [1, 1]])
     rays = camera.unproject((points + steps[:, None]).reshape(-1, 2))
@@ -105,10 +109,11 @@ def _planes(tracks: Tracks, camera: Camera, motion: _Motion) -> tuple[np.ndarray
     """Plane vectors n (N, 3) of the windows, and misfits (N,) of the warps.
 
     The inverse distance of a plane along a unit ray is ``n . ray``. The warp of a window is the
-    derivative of ``project(R ray + direction (n . ray))`` by the pixel. The warp is linear in the
-    component of n across the ray, the slope, which has a normal prior. The slope changes the warp
-    only along the flow. The misfit is the norm of the component across the flow of the matched warp
-    minus the warp without slope.
+    derivative of ``project(R ray + direction (n . ray))`` by the pixel. The slope is the component
+    of n across the ray of the window's centre. The warp is linear in the slope, which has a normal
+    prior and displaces pixels only along the epipolar line. Let E (2, 2) be the matched warp minus
+    the warp without slope, and e (2,) the unit normal of the epipolar line in image 1. The misfit
+    is the norm of ``e^T E``.
     """
     assert tracks.windows is not None
     R, direction = motion
@@ -123,11 +128,11 @@ def _planes(tracks: Tracks, camera: Camera, motion: _Motion) -> tuple[np.ndarray
     across = np.einsum("na,nab->nb", along[:, ::-1] * [-1.0, 1.0], rest)
     length = np.hypot(along[:, 0], along[:, 1])
     misfit = np.hypot(across[:, 0], across[:, 1]) / np.where(length > 0.0, length, np.inf)
-    # Regularised for pixels whose ray has no derivative.
+    # Regularised, because the matrix is singular where the derivative of the ray is zero.
     metric = products(tangents.transpose(0, 2, 1), tangents) + MIN_TANGENT_METRIC * np.eye(2)
     prior = (SLOPE_SIGMA * nearness) ** 2 * 0.5 * (metric[:, 0, 0] + metric[:, 1, 1])
     gain = prior / (prior * length**2 + WARP_SIGMA**2)
     slopes = solutions(metric, gain[:, None] * excess)
     planes = nearness[:, None] * rays0 + np.einsum("nib,nb->ni", tangents, slopes)
-    # NaN, where the lens has no derivatives, becomes the largest misfit.
+    # The misfit is NaN where the lens has no derivatives: `fmin` replaces NaN by the upper bound.
     return planes, np.fmin(misfit, MAX_WARP_MISFIT)

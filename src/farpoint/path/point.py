@@ -11,7 +11,7 @@ __all__ = ["FinalPose", "PathPoint", "Rest"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rest:
-    """Evidence from landmarks that the camera is at rest, in spite of moving objects.
+    """Evidence from landmarks that the camera does not translate, in spite of moving objects.
 
     Attributes
     ----------
@@ -20,7 +20,7 @@ class Rest:
     rotation_covariance : ndarray, shape (3, 3)
         Covariance of ``dtheta`` in camera 1, rad^2.
     points : int
-        Number of landmarks that agree with a camera at rest.
+        Number of landmarks that agree with the resection of this frame.
     """
 
     rotation_cam1_from_cam0: np.ndarray
@@ -40,18 +40,18 @@ class PathPoint:
         Covariance of the errors ``[dtheta (3), dposition (3), dlog_scale]`` that have accumulated
         since the beginning of the segment.
     segment : int
-        Number of the path segment. A new segment begins where scale or tracking is lost.
+        Number of the path segment. A new segment begins where the motion is unknown, as at a cut.
     scale, scale_sigma : float or None
-        Length of the last frame-to-frame translation and 1-sigma of the length; None if the length
-        is unobservable.
+        Length of the translation from the previous frame and 1-sigma of the length; None if the
+        length is unobservable.
     scale_is_guessed : bool
-        Whether ``scale`` is extrapolated from the last speed because no landmark was in view. Later
-        lengths are relative to this ``scale``.
+        Whether ``scale`` is last speed times time, because the landmarks in view could not give the
+        length. All later lengths have the relative error of this ``scale``.
     rest : Rest or None
-        Evidence that the camera is at rest although the two-view estimate has a translation; None
-        without such evidence.
-    fitting : ndarray of int64, shape (N,)
-        Track ids of the landmarks that agree with the pose, ascending.
+        Evidence that the camera does not translate although the two-view estimate has a
+        translation; None without such evidence.
+    fitting : ndarray of int64, shape (N,), or None
+        Track ids of the landmarks that agree with the pose, ascending; None without resection.
     """
 
     world_from_cam: np.ndarray
@@ -66,10 +66,11 @@ class PathPoint:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FinalPose:
-    """Pose of a frame that does not change any further.
+    """Final pose of a frame: later frames do not change the pose.
 
-    The keyframe to which the pose was attached has left the window, or the pose was the oldest of
-    more than 150 poses that waited for this.
+    A pose is attached to the last keyframe at the time of the frame. The pose is final as soon as
+    this keyframe has left the window, or if the pose is the oldest of more than 150 poses that are
+    not final.
 
     Attributes
     ----------

@@ -17,9 +17,10 @@ __all__ = ["inverse_depths", "point_predictor"]
 def inverse_depths(
     rays0: np.ndarray, rays1: np.ndarray, R_cam1_from_cam0: np.ndarray, direction: np.ndarray
 ) -> np.ndarray:
-    """Inverse distances (N,) from camera 1 of matched rays (N, 3); the translation has length 1.
+    """Inverse distances (N,) of points from camera 1, from matched rays (N, 3).
 
-    The rays a and b of a match have distances l0 and l1 with ``l1 b = l0 R a + t``. The cross
+    The unit of length is the translation, ``t = direction``. A point on the unit rays a and b of a
+    match has the distances l0 and l1 from the cameras, with ``l1 b = l0 R a + t``. The cross
     product of this equation with ``R a`` gives ``1 / l1``, negative for a point behind camera 1.
     """
     rotated = rays0 @ R_cam1_from_cam0.T
@@ -41,8 +42,8 @@ def point_predictor(
     motion : RelativePose
         The last motion. A motion with status FAILED predicts no displacement.
     tracks : Tracks
-        Matches of the last motion, which give the depths. A track without depth is given the depth
-        of its nearest neighbour in the image.
+        Matches of the last motion, from which depths are triangulated. A track without a match gets
+        the depth of the match that is nearest in the image.
     ids : ndarray of int64, shape (N,)
         Ids of the predicted tracks, ascending.
     points : ndarray, shape (N, 2)
@@ -51,8 +52,8 @@ def point_predictor(
     Returns
     -------
     callable
-        Maps current pixels (N, 2) of the tracks, or nearby pixels, to expected pixels (N, 2). Rows
-        are NaN for points outside the lens' field.
+        Maps current pixels (N, 2) of the tracks, or pixels close to these, to expected pixels (N,
+        2) in the next image. Rows are NaN for points outside the lens' field.
     """
     R, direction = motion.rotation_cam1_from_cam0, motion.direction_cam1_from_cam0
     if R is None:

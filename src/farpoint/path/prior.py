@@ -44,13 +44,14 @@ class Prior:
         self._p = np.concatenate([self._p, frame.p[None]])
 
     def fix_first(self, sigma: float) -> None:
-        """Fix the first pose with the 1-sigma ``sigma``, rad and units of the path."""
+        """Fix the first pose up to errors with the 1-sigma ``sigma``, rad and units of the path."""
         self._H[:6, :6] += np.eye(6) / sigma**2
 
     def add(self, row: np.ndarray, residual: float, sigma: float, deviation: np.ndarray) -> None:
         """Add a linear measurement at a deviation from the linearisation point.
 
-        ``row`` (D,) holds the derivatives of the ``residual``, and ``sigma`` is its 1-sigma.
+        ``row`` (D,) holds the derivatives of the ``residual`` by all unknowns, and ``sigma`` is the
+        1-sigma of the ``residual``.
         """
         self._H += np.outer(row, row) / sigma**2
         self._g += row * (residual - row @ deviation) / sigma**2
@@ -102,7 +103,7 @@ def rotation_vectors(R: np.ndarray) -> np.ndarray:
 def by_position_change(
     frames: Sequence[Keyframe], slot0: int, slot1: int, axis: np.ndarray, count: int
 ) -> np.ndarray:
-    """Derivatives (count,) of ``axis . (p1 - p0)`` by all unknowns."""
+    """Derivatives (count,) of ``axis . (p1 - p0)`` by all unknowns, for a fixed ``axis`` (3,)."""
     row = np.zeros(count)
     for slot, sign in ((slot1, 1.0), (slot0, -1.0)):
         row[6 * slot : 6 * slot + 3] = sign * (so3.skew(frames[slot].p) @ axis)

@@ -29,10 +29,10 @@ class Located:
     R, p : ndarray, shapes (3, 3), (3,)
         Rotation ``world_from_cam`` and position.
     covariance : ndarray, shape (6, 6)
-        Covariance of ``[theta, rho]`` if the window's keyframes, lens and shutter are fixed, with
+        Covariance of ``[theta, rho]`` if the window's keyframes, lens and shutter are exact, with
         ``R' = Exp(theta) R`` and ``p' = p + rho``.
     by_state : ndarray, shape (6, D)
-        Derivatives of ``[theta, rho]`` by the unknowns of the window.
+        Derivatives of the estimated ``[theta, rho]`` by the unknowns of the window.
     ids : ndarray of int64, shape (N,)
         Track ids of the landmarks.
     squares : ndarray, shape (N,)
@@ -78,7 +78,7 @@ def locate_frame(
     Returns
     -------
     Located or None
-        None if fewer than 8 reliable landmarks are in view.
+        None with fewer than 8 reliable landmarks in view, or if the equations are singular.
     """
     marks = window.landmarks
     rows = marks.rows_of(observed.ids)
@@ -94,8 +94,8 @@ def locate_frame(
 class _Points:
     """Landmarks in a frame, one row for each; see `farpoint.path.kernels.resection.locate`.
 
-    ``rows`` are rows of the window's landmarks. ``since`` is the index of the last observation of
-    each landmark by a keyframe.
+    ``rows`` are the rows of the points in the window's landmarks. ``since`` is the index of the
+    last observation of each landmark by a keyframe.
     """
 
     ids: np.ndarray
@@ -140,7 +140,7 @@ class _Points:
         start: np.ndarray,
         seconds: float,
     ) -> Located | None:
-        """Pose optimised from an initial pose; None if too few points are in the lens' field."""
+        """Pose optimised from an initial pose; None as in `locate_frame`."""
         R, p, (R0, p0) = R.copy(), start.copy(), last
         H, squares = np.empty((6, 6)), np.empty(len(self.s))
         expected = self._linearise(window, R, p)
@@ -186,14 +186,15 @@ class _Points:
         twist: np.ndarray,
         squares: np.ndarray,
     ) -> np.ndarray:
-        """Derivatives (6, D) of the cost's gradient by the unknowns of the window.
+        """Derivatives (6, D) of the gradient of the cost by the unknowns of the window.
 
-        The gradient is that by the pose of this frame. The residual of a point in its last keyframe
-        is subtracted from the residual in this frame. Both residuals depend on the pose of the
-        anchor's keyframe, on lens and read-out time, and on the inverse distance, which is itself a
-        function of all unknowns of the window. The residual in the last keyframe also depends on
-        the pose of that keyframe. A residual does not change if the anchor's keyframe and the
-        observing frame move together: its derivatives by the two poses are opposite.
+        The gradient (6,) is the derivative of the cost by the pose of this frame. A term of the
+        cost contains the residual of a point in this frame minus the residual in the last keyframe
+        that observes the point. Both residuals depend on the pose of the anchor's keyframe, on lens
+        and read-out time, and on the inverse distance, which is itself a function of all unknowns
+        of the window. The residual in the last keyframe also depends on the pose of the last
+        keyframe. A residual does not change if the anchor's keyframe and the observing frame move
+        together. The derivatives by these two poses are therefore opposite.
         """
         marks, s = window.landmarks, self.s[:, None]
         anchors = marks.anchor[self.rows]

@@ -36,13 +36,13 @@ __all__ = [
 
 
 class WindowNoise(NamedTuple):
-    """Model of the covariance of a residual change between two keyframes.
+    """Model of the covariance of the change of a track's residual between two keyframes.
 
     Attributes
     ----------
     last, accumulated : float
-        Weight of the covariance of the last match, and weight of the sum of the covariances since
-        the earlier keyframe.
+        Weight of the covariance of the match before the later keyframe, and weight of the sum of
+        the covariances of all matches between the two keyframes.
     floor_px2 : float
         Variance added to both coordinates, px^2. Matches between identical images would otherwise
         have almost no variance.
@@ -53,10 +53,10 @@ class WindowNoise(NamedTuple):
     floor_px2: float = 0.03**2
 
     def covariances(self, last: np.ndarray, accumulated: np.ndarray) -> np.ndarray:
-        """Covariances (N, 3) of residual changes.
+        """Covariances (N, 3), as (uu, uv, vv) in px^2, of residual changes.
 
-        ``last`` are the covariances of the last matches, and ``accumulated`` the sums since a
-        keyframe.
+        ``last`` (N, 3) are the covariances of the last matches, and ``accumulated`` (N, 3) the sums
+        of the covariances since the earlier keyframe.
         """
         floor = self.floor_px2 * np.array([1.0, 0.0, 1.0])
         return self.last * last + self.accumulated * accumulated + floor
@@ -85,7 +85,9 @@ class Poses(NamedTuple):
 class Linear(NamedTuple):
     """Residuals of all observations, and derivatives of the residuals.
 
-    Residuals and derivatives are 0 for anchors and unseen points.
+    The derivatives are by the pose of the observing keyframe, by lens and read-out time, and by the
+    inverse distance. Residuals and derivatives of anchors are 0. For a point that is not in front
+    of the camera, the residual is `UNSEEN_PX` and the derivatives are 0.
     """
 
     residuals: np.ndarray
@@ -97,9 +99,13 @@ class Linear(NamedTuple):
 class Normal(NamedTuple):
     """Normal equations of the observations, with separate blocks for the points.
 
-    ``squares`` is the sum of weighted squared residuals, and ``residuals`` is the number of
-    residuals. ``design_effect`` is the variance of residual sums over image patches and tracks,
-    divided by the variance for independent residuals.
+    ``H`` and ``g`` are the information and the gradient of poses, lens and read-out time.
+    ``point_h`` and ``point_g`` are the information and the gradient of the inverse distances.
+    ``coupling`` is the information between the two groups of unknowns. ``squares`` is the sum of
+    weighted squared residuals, and ``residuals`` is the number of residual vectors (u, v).
+    ``design_effect`` is the product of two ratios, one for image patches and one for tracks: the
+    variance of the residual sums over a patch or a track, divided by this variance for independent
+    residuals.
     """
 
     H: np.ndarray
@@ -119,9 +125,9 @@ class Normal(NamedTuple):
 
 
 def clear_unseen(*linearised: np.ndarray) -> None:
-    """Set all values (N, ...) of a point to zero if any of them is not finite."""
+    """Set row i of all arrays (N, ...) to zero if a value in row i of any array is not finite."""
     if math.isfinite(sum(float(values.sum()) for values in linearised)):
-        return  # the usual case, without a look at each point
+        return  # the usual case: one test for all rows
     unseen = np.zeros(len(linearised[0]), bool)
     for values in linearised:
         unseen |= ~np.isfinite(values.reshape(len(unseen), -1)).all(axis=1)
@@ -130,12 +136,12 @@ def clear_unseen(*linearised: np.ndarray) -> None:
 
 
 def row_phase(pixels: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """Read-out phase of pixels (N, 2), -1/2 to 1/2 of the read-out time."""
+    """Times (N,) at which pixels (N, 2) are read, from -1/2 to 1/2 of the read-out time."""
     return pixels[:, 1] / max(size[1] - 1, 1) - 0.5
 
 
 class Residuals:
-    """Residuals of a window. The lens is linearised once, at the expected pixels.
+    """Residuals of a window. The lens is linearised once, at the pixels expected for ``poses``.
 
     Parameters
     ----------
@@ -144,10 +150,9 @@ class Residuals:
     size : (int, int)
         Width and height of the images, px.
     poses : Poses
-        Linearisation point of the lens.
+        Poses at which the lens is linearised.
     variance_factor, design_effect : float
-        Factor on the variances of residuals, and number of observations per independent
-        observation.
+        Factor on the variances of residuals, and divisor of information and cost; see `Window`.
     """
 
     def __init__(
@@ -168,7 +173,7 @@ class Residuals:
 
     @cached_property
     def _lens_linearisation(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Expected rays, expected minus observed pixels, and derivatives."""
+        """Expected rays, expected minus observed pixels, and derivatives of the expected pixels."""
         marks, lens = self._marks, self._lens
         rays = np.empty((len(marks.point), 3))
         expected_rays(

@@ -12,9 +12,10 @@ def second_order_variance(displacement: np.ndarray, covariance: np.ndarray) -> n
 
     An error ``e`` across a ``displacement`` (3,) of length l shortens the displacement by ``e . e /
     (2 l)``. If e is normal with the covariance C, the mean square of the shortening is ``(2 tr C^2
-    + (tr C)^2) / (4 l^2)``. If the distance is the unit of the path, the shortening is the only
-    error along the displacement. The variance is isotropic, because the rotation errors of later
-    frames, which are of similar size, turn the displacement.
+    + (tr C)^2) / (4 l^2)``. If the distance l is the unit of the path, the shortening is the only
+    error along the displacement. The mean square is returned as the variance of every coordinate,
+    because rotation errors of later frames, which are about as large as the error of the direction,
+    turn the displacement.
     """
     length2 = float(displacement @ displacement)
     if length2 == 0.0:

@@ -16,7 +16,7 @@ __all__ = ["redundant_keyframe", "select_tracks"]
 def select_tracks(
     observed: TrackObservations, landmarks: Landmarks, most: int
 ) -> TrackObservations:
-    """All tracks with a landmark, and evenly sampled other tracks, up to a total of ``most``."""
+    """All tracks with a landmark, and an even sample of the other tracks, ``most`` in total."""
     known = landmarks.rows_of(observed.ids) >= 0
     free_slots = max(most - int(known.sum()), 0)
     fresh = np.flatnonzero(~known)
@@ -30,10 +30,12 @@ def select_tracks(
 def redundant_keyframe(window: Window, alive: np.ndarray) -> int:
     """Slot of the keyframe to marginalise.
 
-    The result is the first keyframe with too few points in view, or else the keyframe with the
-    largest crowding score ``sqrt(d) sum(1 / d_i)``, with the distances d to the newest and d_i to
-    the other keyframes (Engel, Koltun and Cremers, "Direct Sparse Odometry", 2018, section 3.1).
-    With this score the window keeps a baseline under pure rotation.
+    The result is the oldest keyframe of which less than 5 % of the points are in view. If there is
+    no such keyframe, the result is the keyframe with the largest score ``sqrt(d) sum(1 / d_i)``,
+    where d is the distance to the newest keyframe, and the d_i are the distances to the other
+    removable keyframes (Engel, Koltun and Cremers, "Direct Sparse Odometry", 2018, section 3.1).
+    With this score, distant keyframes stay in the window during a pure rotation. The newest two
+    keyframes are never the result.
 
     Parameters
     ----------

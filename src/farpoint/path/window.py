@@ -73,17 +73,19 @@ class Window:
     variance_factor : float
         Estimated factor on the residual variances.
     design_effect : float
-        Number of observations per independent observation. Errors are correlated between
-        neighbouring points and along a track.
+        Number of observations divided by the effective number of independent observations. Errors
+        are correlated between neighbouring points and along a track.
     """
 
     def __init__(self, lens: LensEstimate, size: tuple[int, int]) -> None:
         self.size = size
-        # Slots of the baseline of unit length, until the prior fixes the scale.
+        # Slots (indices in `frames`) of the two keyframes whose distance is the unit of the path.
+        # None as soon as the prior fixes the scale.
         self._unit: tuple[int, int] | None = None
         self._unit_variance = self._scale_variance = 0.0
         self._by_scale = np.zeros(len(lens.covariance))
-        # 1-sigma of `add_rest_prior` by slot, until a keyframe is marginalised.
+        # ``sigma`` of each `add_rest_prior`, by the slot of the later of the two keyframes; empty
+        # as soon as a keyframe is marginalised.
         self._rests: dict[int, float] = {}
         self._has_marginalised = False
         self._begin(lens)
@@ -131,9 +133,9 @@ class Window:
     ) -> None:
         """Start again from other poses and another lens, with the same observations.
 
-        A restart is possible only before a keyframe is marginalised. Lens and read-out time start
-        at ``common``. Each pose after the time ``since`` is corrected by the velocity ``rate``
-        (6,), in the format of `Keyframe.twist`, times the time after ``since``.
+        A restart is possible only before the first keyframe is marginalised. Lens and read-out time
+        start at ``common``. Each pose after the time ``since`` is changed by the velocity ``rate``
+        (6,), in the format of `Keyframe.twist`, times the time that has passed since ``since``.
         """
         marks, frames = self.landmarks, self.frames
         self._begin(lens)
@@ -177,14 +179,14 @@ class Window:
         return self._prior.deviation(Poses.of(self.frames), self.lens.common)
 
     def set_unit(self) -> None:
-        """Take the distance of the last two keyframes as the unit of the path."""
+        """Fix the scale by the current distance between the last two keyframes."""
         self._unit = (len(self.frames) - 2, len(self.frames) - 1)
 
     def _baseline(self) -> tuple[int, int] | None:
-        """Slots of the two keyframes whose distance is held fixed to determine the scale.
+        """Slots of the two keyframes whose distance is fixed in a solution (gauge of the scale).
 
-        These are the first keyframe and the keyframe farthest from the first. The result is None if
-        the prior determines the scale, or if all keyframes have the same position.
+        The two keyframes are the first keyframe and the keyframe farthest from the first. The
+        result is None if the prior fixes the scale, or if all keyframes have the same position.
         """
         if self._unit is None:
             return None
@@ -194,7 +196,11 @@ class Window:
     # Points
 
     def homogeneous_points(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Homogeneous points ``X = R b + s p`` (N, 3), and the derivatives (N, 3) of X by s."""
+        """Homogeneous points ``X = R b + s p`` (N, 3), and the derivatives (N, 3) of X by s.
+
+        R and p are the pose of the anchor's keyframe when the row of the anchor is read, b is the
+        ray of the anchor, and s is the inverse distance.
+        """
         marks, poses = self.landmarks, Poses.of(self.frames)
         at = marks.anchor[rows]
         slot = marks.slot[at]
@@ -216,11 +222,11 @@ class Window:
         return by_lens, self.row_phase(marks.pixels[at])[:, None] * lag
 
     def row_phase(self, pixels: np.ndarray) -> np.ndarray:
-        """Read-out phase of pixels (N, 2), -1/2 to 1/2 of the read-out time."""
+        """Times (N,) at which pixels (N, 2) are read, from -1/2 to 1/2 of the read-out time."""
         return row_phase(pixels, self.size)
 
     def _row_delay_s(self, observations: np.ndarray) -> np.ndarray:
-        """Read-out times (N,) of observations, s after the middle row."""
+        """Times (N,) at which the rows of observations are read, s after the middle row."""
         return self.row_phase(self.landmarks.pixels[observations]) * self.lens.readout_s
 
     def triangulate(self) -> None:
@@ -268,7 +274,7 @@ class Window:
         return 0.05 / max(float(np.linalg.norm(self.frames[-1].p - self.frames[-2].p)), 1e-9)
 
     def _variances(self, last: np.ndarray, accumulated: np.ndarray) -> np.ndarray:
-        """Covariances (N, 3) of residual changes, with the factor on the variances."""
+        """Covariances (N, 3), px^2, of residual changes, times `variance_factor`."""
         return self.variance_factor * NOISE.covariances(last, accumulated)
 
     def variances_since(
@@ -316,16 +322,17 @@ class Window:
         self._find_scale()
 
     def reset_linear_velocities(self) -> None:
-        """Set the linear velocity of each keyframe to the mean velocity between its neighbours."""
+        """Set the linear velocities of the keyframes to finite differences of the positions."""
         velocities = self._rates(np.array([frame.p for frame in self.frames]))
         for frame, velocity in zip(self.frames, velocities, strict=True):
             frame.twist = np.concatenate([frame.twist[:3], velocity])
 
     def _correct_velocities(self, start: Poses) -> None:
-        """Change the velocity of each keyframe as the solution changes the poses around it.
+        """Add the rates of change of the pose corrections to the velocities of the keyframes.
 
-        The velocity of a keyframe was computed from the poses of neighbouring frames before the
-        solution. ``start`` holds the keyframe poses before the solution.
+        The velocities were computed from frame poses before the solution. The corrections are the
+        changes of the keyframe poses by the solution. ``start`` holds the keyframe poses before the
+        solution.
         """
         poses = Poses.of(self.frames)
         turns = rotation_vectors(poses.R @ start.R.transpose(0, 2, 1))
@@ -334,9 +341,10 @@ class Window:
             frame.twist = frame.twist + change
 
     def _rates(self, values: np.ndarray) -> np.ndarray:
-        """Mean rates of change (K, ...) of values (K, ...) between the neighbours of each keyframe.
+        """Rates of change (K, ...), per s, of values (K, ...) of the keyframes.
 
-        The rates are per second, and zero if the time stamps do not increase.
+        The rates are finite differences between neighbouring keyframes (`numpy.gradient`). The
+        rates are zero if the time stamps do not increase.
         """
         times = np.array([frame.timestamp for frame in self.frames])
         if len(times) < 2 or not (np.diff(times) > 0.0).all():
@@ -346,7 +354,10 @@ class Window:
     def _equations(
         self, residuals: Residuals, linear: Linear, deviation: np.ndarray
     ) -> tuple[Normal, System]:
-        """Normal equations of the observations, and the system with the prior, without points."""
+        """Normal equations of the observations, and a system with the prior and without points.
+
+        The points are eliminated from the system by the Schur complement.
+        """
         normal = residuals.normal(linear, self.landmarks.has_depth)
         reduced = normal.reduced(self._depth_damping())
         return normal, self._with_prior(reduced, deviation, self._baseline())
@@ -357,7 +368,10 @@ class Window:
         )
 
     def newest_by_state(self) -> np.ndarray:
-        """Derivatives (6, D) by all unknowns of ``[dtheta, dp]`` of the newest keyframe."""
+        """Derivatives (6, D), by all unknowns, of ``[dtheta, dp]`` of the newest keyframe.
+
+        ``dtheta`` is the perturbation of the rotation, and ``p' = p + dp``.
+        """
         at, rows = 6 * (len(self.frames) - 1), np.zeros((6, len(self.covariance)))
         rows[:, at : at + 6] = np.eye(6)
         rows[3:, at : at + 3] = -so3.skew(self.frames[-1].p)
@@ -367,8 +381,8 @@ class Window:
         """Covariance (7, 7) of ``[dtheta, dp, dlog_scale]`` of a pose, in the world.
 
         The error of the position is defined by ``p_true = p + dp``. ``by_state`` (6, D) holds the
-        derivatives of the pose by all unknowns of the last solution. The error of the scale is the
-        error at the newest keyframe.
+        derivatives of the pose by all unknowns of the last solution. ``dlog_scale`` is the error of
+        the scale at the newest keyframe (`_find_scale`).
         """
         rows = np.vstack([by_state, self._by_scale])
         by_unit = np.array([0.0, 0.0, 0.0, *(p - self.origin), 1.0])
@@ -384,11 +398,12 @@ class Window:
         return self._unit is not None and self._unit[1] == len(self.frames) - 1
 
     def _find_scale(self) -> None:
-        """Find the derivatives (D,) of the logarithm of the scale at the newest keyframe.
+        """Find the derivatives (D,) of the logarithm of the scale by all unknowns.
 
-        Of all baselines from a keyframe to the newest keyframe, the baseline whose logarithmic
-        length has the least variance measures the scale. If no baseline is significant, as under
-        pure rotation, the variance of the last significant baseline is kept.
+        The logarithm of the scale is measured by a baseline from another keyframe to the newest
+        keyframe: the baseline whose length has the smallest relative 1-sigma. If this 1-sigma is
+        1/3 or more, as under pure rotation, the derivatives are zero, and the variance from an
+        earlier solution is kept.
         """
         count, newest, least = len(self.covariance), len(self.frames) - 1, np.inf
         self._by_scale = np.zeros(count)
@@ -463,16 +478,18 @@ class Window:
             self.design_effect = float(np.clip(effect, *DESIGN_EFFECT_BOUNDS))
 
     def _mark_reliable(self, normal: Normal) -> None:
-        """Mark the points in view whose inverse distance has a small error.
+        """Mark the points in the newest keyframe whose inverse distance is accurate.
 
-        The error includes errors of the poses, but not the error of the scale, which is common to
-        all distances.
+        The 1-sigma of the inverse distance must be below `RELIABLE_DEPTH_SIGMA` times the inverse
+        distance, or below `FAR_DEPTH_SIGMA` times the median inverse distance. The variance
+        includes errors of the poses, but neither the error of the scale, which is common to all
+        distances, nor the design effect.
         """
         marks, newest = self.landmarks, len(self.frames) - 1
         spread = self.covariance
         lengths = [float(np.linalg.norm(f.p - self.frames[-1].p)) for f in self.frames]
         if max(lengths) > 0.0:
-            # Condition on the longest baseline to the newest keyframe.
+            # Covariance if the longest baseline to the newest keyframe has a known length.
             row = self._by_log_length((int(np.argmax(lengths)), newest))
             by_length = spread @ row
             spread = spread - np.outer(by_length, by_length) / (
@@ -491,7 +508,7 @@ class Window:
     def _with_prior(
         self, system: System, deviation: np.ndarray, gauge: tuple[int, int] | None
     ) -> System:
-        """Add the prior to a system, and fix the distance between the two ``gauge`` keyframes."""
+        """Add the prior to a system, and fix the distance between keyframes ``gauge`` (slots)."""
         known = self._prior.at(deviation)
         H = system.H + known.H
         if gauge is not None:
@@ -546,9 +563,9 @@ class Window:
         """Marginalise a keyframe into the prior.
 
         ``alive`` holds the ids, ascending, of the tracks in view. A point whose anchor is in the
-        removed keyframe is marginalised, too, if the point is not alive. If the point is alive, the
-        next keyframe that observes the point becomes the anchor. A point that is not alive and has
-        a single observation carries no information and is dropped.
+        removed keyframe is marginalised, too, if its track is not in view. If the track is in view,
+        the next observation of the point becomes the anchor. A point with a single observation is
+        removed if its track is not in view, because such a point carries no information.
         """
         marks, frame = self.landmarks, self.frames[slot]
         if self._unit is not None:
@@ -559,7 +576,7 @@ class Window:
         ended = is_anchored & ~is_alive
         used, residuals = ended & marks.has_depth, self._residuals(poses)
         linear = self._linear
-        # The last solution lacks observations that were added since.
+        # The residuals of the last solution lack the observations that were added later.
         if linear is None or used[marks.point[len(linear.residuals) :]].any():
             linear = residuals.linear(poses)
         reduced = residuals.normal(linear, used).reduced(0.0)
@@ -576,9 +593,10 @@ class Window:
         return frame
 
     def _change_anchors(self, rows: np.ndarray, slot: int) -> np.ndarray:
-        """Move the anchors of points to another keyframe.
+        """Move the anchors of points from keyframe ``slot`` to another keyframe.
 
-        The function returns the rows of the points for which there is no other valid observation.
+        The function returns the rows of the points that have no valid observation in another
+        keyframe.
         """
         marks = self.landmarks
         new = marks.next_anchors(rows, slot)

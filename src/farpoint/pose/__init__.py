@@ -1,4 +1,4 @@
-"""Relative pose of two views with its covariance: the method itself."""
+"""Relative pose of two views, with its covariance."""
 
 from farpoint.pose.conclusion import failed_pose
 from farpoint.pose.metric import PoseOrder

@@ -1,9 +1,10 @@
 """Candidate motions in addition to the result of the search.
 
-The search compares motions by a part of the matches and by residuals only. Its result may be a
-local maximum if the likelihood has several modes, if nearly all points are far, if the noise is
-large, or if the residuals of neighbours are correlated. Each candidate is the start of a refinement
-by the likelihood of all matches; `posterior` compares the refined motions.
+The search compares motions by at most `MAX_SEARCHED` matches, and without a prior of the parallax.
+The motion that it finds may be only a local maximum if the likelihood has several modes, if nearly
+all points are far, if the noise is large, or if the residuals of neighbours are correlated. Each
+candidate is the start of a refinement by the likelihood of all matches; `posterior` compares the
+refined motions.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ def candidate_motions(
     options: RelativePoseOptions,
     state: np.ndarray,
 ) -> Iterator[GeneralMotionFit]:
-    """Starts of motions that may be likelier than a fitted motion; usually none."""
+    """Starts of refinements that may lead to a motion likelier than ``fit``; usually none."""
     if fit.secondary_mode is not None:
         yield fit.at(*fit.secondary_mode)
     yield from _from_rejected(matches, fit, tolerance, state)
@@ -51,10 +52,11 @@ def _from_rejected(
 ) -> Iterator[GeneralMotionFit]:
     """Candidate with the direction towards which rejected matches flow.
 
-    Rejected matches have an inlier probability below 0.5. They are tried only if the covariance of
-    the fit was computed with shrunk flow, and the candidate must be a consensus of the rejected
-    matches. If nearly all points are far, a rotation explains the flow of most matches, and the few
-    near points are rejected.
+    Rejected matches have an inlier probability below 0.5. If nearly all points are far, a rotation
+    explains the flow of most matches, and the few near points are rejected. A direction is
+    therefore searched for in the rejected matches, but only if the covariance of ``fit`` was
+    computed with shrunk flow. The direction is a candidate only if more rejected matches agree on
+    it than by chance.
     """
     rejected = fit.probability < 0.5
     count, within = int(np.count_nonzero(rejected)), REJECTED_TOLERANCE_RATIO * tolerance
@@ -75,7 +77,7 @@ def _with_bounded_noise(
     options: RelativePoseOptions,
     state: np.ndarray,
 ) -> Iterator[GeneralMotionFit]:
-    """Modes of a search whose noise is bounded by its initial value."""
+    """Modes of a search with an upper bound of the noise sigma, ``tolerance / GATE_SIGMA``."""
     found = fit_with_bounded_noise(
         matches, (tolerance / GATE_SIGMA) ** 2, CANDIDATE_SAMPLES, tolerance, options, state
     )

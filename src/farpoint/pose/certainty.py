@@ -12,12 +12,12 @@ __all__ = ["direction_sigma", "fixes_rotation", "largest_sigma"]
 
 
 def largest_sigma(covariance: np.ndarray) -> float:
-    """Square root of the largest eigenvalue: the 1-sigma of the worst direction."""
+    """Square root of the largest eigenvalue: the largest 1-sigma along any axis."""
     return float(np.sqrt(max(np.linalg.eigvalsh(covariance)[-1], 0.0)))
 
 
 def direction_sigma(covariance: np.ndarray) -> float:
-    """The worst 1-sigma, rad, of the direction of a motion with this covariance (5, 5).
+    """The largest 1-sigma, rad, of the direction of a motion with this covariance (5, 5).
 
     The result equals `largest_sigma` of the block (2, 2) of the direction. The closed form is
     faster, and every motion needs this sigma.
@@ -28,7 +28,7 @@ def direction_sigma(covariance: np.ndarray) -> float:
 
 
 def fixes_rotation(rotation_covariance: np.ndarray) -> bool:
-    """Whether a rotation with this covariance (3, 3), rad^2, is certain enough to be observable."""
+    """Whether the largest sigma of a covariance (3, 3), rad^2, is below `MAX_ROTATION_SIGMA`."""
     xx, yy, zz = rotation_covariance.diagonal().tolist()
     trace = xx + yy + zz
     if trace < MAX_ROTATION_SIGMA**2:  # the sum of all eigenvalues

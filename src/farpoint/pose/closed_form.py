@@ -2,8 +2,8 @@
 
 The rotation aligns the rays of the far points (least squares), and the direction is the mean of the
 pairwise intersections of derotated flow. The covariance of the rotation comes from the residuals of
-the far rays, that of the direction from the jackknife over matches. The closed form uses no
-likelihood, and serves as the baseline for the refined estimate.
+the far rays, the covariance of the direction from the jackknife over matches. The closed form uses
+no likelihood, and serves as the baseline for the refined estimate.
 """
 
 from __future__ import annotations
@@ -118,6 +118,6 @@ def _consistent_with(
     rays1, rotated = matches.rays1, matches.rays0 @ R.T
     across = np.einsum("ni,ni->n", rays1, np.cross(t, rotated))
     length = np.linalg.norm(np.cross(t, rotated), axis=1)
-    # A ray at the epipole lies on every circle.
+    # A ray at the epipole lies on every great circle through the epipole: the residual is 0.
     residual = np.abs(across) / np.maximum(length, 1e-300) * np.sqrt(matches.precision)
     return (residual <= tolerance) & ((rays1 - rotated) @ t > 0.0)

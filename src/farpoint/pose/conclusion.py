@@ -30,8 +30,8 @@ __all__ = [
 class Diagnostics:
     """Diagnostics of an estimate, collected stage by stage.
 
-    The time of a stage ends when the next stage begins. Notes are appended to the ``reason`` of the
-    result.
+    The stages follow each other without gaps: a stage begins when the previous stage ends. Notes
+    are sentences that are appended to the ``reason`` of the result.
     """
 
     notes: tuple[str, ...] = ()
@@ -50,7 +50,7 @@ class Diagnostics:
         self.notes += (sentence,)
 
     def time_stage(self, stage: str) -> None:
-        """Add the time since the last call of this function to the time of ``stage``."""
+        """Add the time since the last call, or since the creation, to the time of ``stage``."""
         now = time.perf_counter()
         setattr(self, stage, getattr(self, stage) + now - self._since)
         self._since = now
@@ -86,7 +86,7 @@ def no_consensus(matches: Matches, agreeing: int, diagnostics: Diagnostics) -> R
 
 
 def undetermined_rotation(matches: Matches, diagnostics: Diagnostics) -> RelativePose:
-    """FAILED pose: the inliers are too few, or all lie at one point or on one line."""
+    """FAILED pose: the inliers are too few or too close together to fix the rotation."""
     return failed_pose(
         f"Rotation not observable: the inliers among {len(matches)} matches are too few or too "
         "close together in the image.",

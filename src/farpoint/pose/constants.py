@@ -3,7 +3,8 @@
 Origin is "derived" (from what), "convention", "measured" (by what), or "chosen" where nothing more
 is known. "Held by" names a test that fails if the number is halved or doubled, as stated. Numbers
 that kernels use, too, are in `farpoint._kernels.constants`. "Rendered" means street scenes of
-`farpoint.synthetic`. If a measurement names no command, none was recorded.
+`farpoint.synthetic`. If a measurement names no command, none was recorded. "Tolerance" is
+`RelativePoseOptions.matching_tolerance_px`.
 """
 
 from __future__ import annotations
@@ -19,25 +20,26 @@ from farpoint._kernels.constants import MAX_SEARCHED, ROUNDING
 # Identity of a rotation. Derived.
 IDENTITY = np.eye(3)
 
-# Covariance (1, 2, 2) of all matches where none is given, in units of the noise. Convention.
+# Covariance (1, 2, 2) of all matches where none is given, for a noise sigma of 1. Convention.
 ISOTROPIC = np.eye(2)[None]
 
 # Bounds of given variances, px^2. Chosen: products of them stay finite.
 VARIANCE_BOUNDS_PX2 = (1e-60, 1e60)
 
-# Bounds of given variances over their median. Derived: a variance beyond a bound would be lost by
-# rounding, or the median would be, in a sum of both.
+# Bounds of given variances, divided by the median of all given variances. Derived: in a sum of the
+# median and a variance beyond a bound, rounding would remove the smaller of the two.
 VARIANCE_RATIO_BOUNDS = (ROUNDING, 1.0 / ROUNDING)
 
-# Least variance of the noise, px^2 (or in units of given noise). Derived: noise below 0.001 px is
-# rounding, not information.
+# Least variance of the noise, px^2, or noise_rad^2 if the user gave rays. Derived: noise below
+# 0.001 px is rounding, not information.
 MIN_NOISE_VARIANCE = 1e-6
 
-# Determinant of a 3 x 3 matrix over the product of the diagonal, below which rounding dominates.
-# Chosen.
+# Determinant of a symmetric 3 x 3 matrix divided by the product of the diagonal, below which
+# rounding dominates. Chosen.
 MIN_RELATIVE_DETERMINANT = 1e-6
 
-# Rounding of a mean epipole, rad: keeps its covariance regular. Chosen.
+# Sigma of the rounding of a mean epipole, rad; its square is added to the variances, so that the
+# covariance is not singular. Chosen.
 EPIPOLE_ROUNDING_RAD = 1e-8
 
 # --- Observability
@@ -51,13 +53,14 @@ MAX_DIRECTION_SIGMA = math.radians(20.0)
 # Largest 1-sigma, rad, of a mean epipole. Chosen.
 MAX_EPIPOLE_SIGMA = 0.5
 
-# 1-sigma of a direction, rad, up to which the information is taken as the same at all poses within
-# the covariance; above this sigma the covariance is averaged over nearby poses, and a secondary
-# mode is searched for. Chosen: 2.5 deg.
+# 1-sigma of a direction, rad. Up to this sigma the information of the matches is taken as the same
+# at all poses within the covariance; above this sigma the covariance is averaged over nearby poses,
+# and a secondary mode is searched for. Chosen: 2.5 deg.
 LINEAR_DIRECTION_SIGMA = math.radians(2.5)
 
 # Largest share of noise in the shrunk flow, along any axis, with which a direction is observable.
-# Chosen: where all points are far the share is larger, and half of the directions are wrong.
+# Chosen: if all points are far, the share is larger, and 50 % of the estimated directions are
+# wrong.
 MAX_FLOW_NOISE_SHARE = 0.55
 
 # 1-sigma error of the rotation of a general motion whose direction is not observable, as a share of
@@ -65,13 +68,14 @@ MAX_FLOW_NOISE_SHARE = 0.55
 # observable direction, noise explains about half of the flow.
 UNOBSERVABLE_NOISE_SHARE = 0.5
 
-# Noise of a general motion over that of the pure rotation, below which the covariance of the pure
-# rotation is computed as if the evidence for the general motion were 1. Chosen.
+# Noise sigma of a general motion divided by that of the pure rotation. Below this ratio, the
+# covariance of the pure rotation is computed as if the evidence for the general motion were 1.
+# Chosen.
 FAR_LESS_NOISE_RATIO = 0.5
 
-# Number of independent tests of the F test. Measured by simulation with 20 to 500 matches: the
-# search maximises over direction and rotation, and the tail of the maximum is this many times that
-# of one test.
+# Factor on the p-value of the F test. The search maximises the flow along the epipolar lines over
+# direction and rotation, as if the largest F of this many independent tests were taken. Measured by
+# simulation with 20 to 500 matches.
 INDEPENDENT_TESTS = 300
 
 # --- Searches
@@ -93,17 +97,18 @@ CANDIDATE_SAMPLES = 100
 # the direction, the others test it.
 MIN_REJECTED = 6
 
-# Largest distance from the epipolar line at which a rejected match supports a direction, over the
-# tolerance. Chosen: larger than 1, because the rotation of the far matches may differ from the true
-# rotation.
+# Largest distance from the epipolar line at which a rejected match supports a direction, divided by
+# the tolerance. Chosen: larger than 1, because the rotation of the far matches may differ from the
+# true rotation.
 REJECTED_TOLERANCE_RATIO = 2.0
 
-# Largest expected number of directions on which as many outliers agree by chance; with fewer, the
-# direction is tried as a candidate. Convention: one false alarm.
+# A direction on which rejected matches agree is a candidate if the expected number of directions on
+# which as many outliers agree by chance is below this number. Convention: one false alarm.
 CHANCE_DIRECTIONS = 1.0
 
-# 1-sigma noise of a fit, over the tolerance, from which on candidates with bounded noise and from
-# far points are tried. Chosen. Held by tests/pose/test_candidates.py (if doubled).
+# 1-sigma noise of a fit, divided by the tolerance, from which on two kinds of candidates are tried:
+# those of a search with bounded noise, and those from far points. Chosen. Held by
+# tests/pose/test_candidates.py (if doubled).
 LARGE_NOISE_RATIO = 0.4
 
 # --- Two motions that compete
@@ -112,8 +117,8 @@ LARGE_NOISE_RATIO = 0.4
 # again with more matches. Chosen.
 UNDECIDED_LOG_RATIO = 20.0
 
-# Number of matches that are evaluated where a part of the matches leaves a motion undecided.
-# Chosen.
+# Upper bound of the number of matches with which a log-likelihood ratio below `UNDECIDED_LOG_RATIO`
+# is computed again. Chosen.
 UNDECIDED_MATCHES = 4 * MAX_SEARCHED
 
 # Cosine of the angle between the directions of two motions, above which the motions count as one
@@ -121,24 +126,25 @@ UNDECIDED_MATCHES = 4 * MAX_SEARCHED
 # doubled).
 COS_NEARBY = math.cos(math.radians(10.0))
 
-# Effective sample size of the parallax prior over the square root of the number of matches. Chosen:
-# matches on one surface have correlated parallaxes. Held by tests/pose/test_posterior.py (if
-# doubled).
+# Effective sample size of the parallax prior, divided by the square root of the number of matches.
+# Chosen: matches on one surface have correlated parallaxes. Held by tests/pose/test_posterior.py
+# (if doubled).
 EFFECTIVE_PER_ROOT = 5.0
 
-# Tempering exponent of the likelihood ratio of two motions: each has its own epipolar lines and so
-# its own part of the noise. Measured on simulated scenes: a secondary mode with a log-likelihood
-# ratio of 5 to 7 is the true one in 3 of 100, not in 1 of 400. Held by
-# tests/pose/test_posterior.py (if doubled).
+# Tempering exponent of the likelihood ratio of two motions. The two motions have different epipolar
+# lines, so their residuals contain different parts of the noise. Measured on simulated scenes: a
+# secondary mode with a log-likelihood ratio of 5 to 7 is the true one in 3 of 100 cases; without
+# tempering, the expected number is 1 of 400. Held by tests/pose/test_posterior.py (if doubled).
 LOG_RATIO_TEMPERING = 0.5
 
-# Tempering exponent for the two motions of a plane and all motions between them. Chosen. Held by
-# tests/pose/test_planar_scenes.py (if doubled).
+# Tempering exponent of the likelihood ratio of the two motions of a plane, for the covariance that
+# covers both motions and all motions between them. Chosen. Held by tests/pose/test_planar_scenes.py
+# (if doubled).
 PLANE_TEMPERING = 0.3
 
-# Difference of the log evidences of the two motions of a plane, over the square root of the number
-# of matches, beyond which the difference is not by chance. Derived: the 95 % interval of a normal
-# distribution.
+# Difference of the log evidences of the two motions of a plane, divided by the square root of the
+# number of matches, beyond which the difference is not by chance. Derived: the 95 % interval of a
+# normal distribution.
 CHANCE_SIGMA = 2.0
 
 # Share of the covariance for a second possible motion that is along the difference of the two
@@ -151,14 +157,15 @@ ALONG_DIFFERENCE_SHARE = 0.9
 ROTATION_PARAMETERS = 3
 
 # Misspecification factor of given covariances, and of noise with correlated residuals. Chosen: the
-# ratio of the sigmas in two directions is known to a factor of 2; a tracker's covariance lacks its
-# errors along the motion of the track (twice the variance on rendered images without translation).
+# ratio of the sigmas of a match in two directions is known to a factor of 2, the ratio of the
+# variances to a factor of 4. For example, the covariance of a tracker lacks errors along the motion
+# of the track, which double the variance on rendered images without translation.
 MISSPECIFIED_FACTOR = 4.0
 
-# Candidates for the noise floor, as variances over the median of the given variances. Chosen.
+# Candidates for the noise floor: variances divided by the median of the given variances. Chosen.
 NOISE_FLOORS = np.array([0.0, 0.03, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4, 13.0, 50.0])
 
-# Standard deviation of a normal distribution over its median absolute deviation. Derived.
+# Standard deviation of a normal distribution divided by its median absolute deviation. Derived.
 MAD_TO_SIGMA = 1.4826
 
 # Factor on the design effect for errors that are correlated over more than 1/4 of the image's width
@@ -171,9 +178,9 @@ SMOOTH_ERROR_FACTOR = 1.5
 # the scatter of the design effect on rendered streets; the command is not recorded.
 DESIGN_EFFECT_FREEDOM = 12.0
 
-# Least mean number of matches of a patch; the largest is twice as much. Chosen: with 6, the
-# coverage on rendered sequences is the same. Held by tests/pose/test_halves_of_tracks.py (if
-# halved).
+# Least number of matches per patch, as a mean over all patches; the largest mean is twice this
+# number. Chosen: with a value of 6, the coverage of the covariance on rendered sequences is the
+# same. Held by tests/pose/test_halves_of_tracks.py (if halved).
 PATCH_MATCHES = 3.0
 
 # Weight, in degrees of freedom, of the expected split-half ratio in the mean of the expected and
@@ -199,12 +206,13 @@ HALVES_CORRELATION = 0.25
 # tests/pose/test_halves_of_tracks.py (if doubled).
 HALVES_CORRELATION_SLOPE = 4.0
 
-# Upper bound of the split-half ratio of a pair of views, over the mean ratio of earlier pairs, when
-# the ratio enters the mean. Chosen: the ratio of halves that were refined to two different modes is
-# no measure of the tracks' errors.
+# Upper bound of the split-half ratio of a pair of views, divided by the mean ratio of earlier
+# pairs, when the ratio enters the mean. Chosen: if the two halves were refined to two different
+# modes, their ratio does not measure the errors of the tracks.
 MAX_RATIO_OVER_MEAN = 3.0
 
-# Upper bound of the mean split-half ratio of uncompressed video. Measured: rendered, 0.91 to 1.07.
+# Upper bound of the mean split-half ratio of uncompressed video. Measured: 0.91 to 1.07 on rendered
+# sequences.
 UNCOMPRESSED_SPLIT_RATIO = 1.08
 
 # Largest excess of the mean split-half ratio over `UNCOMPRESSED_SPLIT_RATIO`. Measured with strong
@@ -231,61 +239,66 @@ SHUTTER_ERRORS = 4
 LENS_LINEAR_SIGMA = 0.5
 
 # Remaining error of the correction of rolling-shutter rows, in sigma of the rotation, at which the
-# fixed point of rotation and correction has converged. Chosen.
+# fixed-point iteration of rotation and correction ends. Chosen.
 ROWS_CONVERGED_SIGMA = 0.1
 
 # --- Independently moving object
 
-# Share of the near matches that the region around their median ray holds. Chosen.
+# Share of the near matches that lie in the region of an object, a disc around the median ray of the
+# near matches. Chosen.
 OBJECT_REGION_SHARE = 0.9
 
-# Share of all inliers that lie in that region, below which the region is compact. Measured:
-# recorded drives and walks have 0.5 and more, objects with 0.2 of the matches 0.24.
+# Share of all inliers that lie in the region of an object, below which the region is compact.
+# Measured: on recorded drives and walks 0.5 and more, for objects with 0.2 of the matches 0.24.
 COMPACT_REGION_SHARE = 0.3
 
-# Least share of near matches among the inliers of the region of an object: far points are visible
-# only at the edges of the object. Measured: simulated objects with 0.1 and 0.2 of the matches have
-# 0.66 to 1.
+# Least share of near matches among the inliers in the region of an object. In the region of an
+# object, far points are visible only at the edges of the object. Measured: 0.66 to 1 for simulated
+# objects with 0.1 and 0.2 of the matches.
 NEAR_IN_REGION_SHARE = 0.6
 
-# Least number of near matches of an object. Chosen: two fix a direction, and outliers may agree
-# with it.
+# Least number of near matches of an object. Chosen: any two matches agree on a direction, and
+# outliers may agree with it.
 MIN_OBJECT_NEAR = 4
 
 # --- Stationary matches, and a second motion
 
-# Least share of stationary matches, else they are ordinary outliers. Chosen.
+# Least share of stationary matches among all matches; with fewer, stationary matches are taken as
+# ordinary outliers. Chosen.
 MIN_STATIONARY_SHARE = 0.05
 
-# Largest share of stationary matches, above which the camera itself is stationary. Convention: the
-# majority.
+# Largest share of stationary matches among all matches; with more, the camera itself is taken as
+# stationary. Convention: the majority.
 MAX_STATIONARY_SHARE = 0.5
 
-# Residual correlation above which the reason of a result mentions it. Chosen.
+# Correlation of neighbouring residuals above which the reason of a result mentions the correlation.
+# Chosen.
 NOTED_CORRELATION = 0.6
 
-# 1-sigma noise, over the tolerance, below which a correlation of neighbouring residuals is taken as
-# caused by the tracker alone, and not by two motions. Chosen.
+# 1-sigma noise divided by the tolerance, below which a correlation of neighbouring residuals is
+# taken as caused by the tracker alone, and not by two motions. Chosen.
 MERGED_MODE_NOISE_RATIO = 0.1
 
 # Lower bound of the share of the residual variance that is independent between neighbours. Chosen:
 # residuals of two matches of one point have no independent share.
 MIN_INDEPENDENT_SHARE = 0.05
 
-# Upper bound of the noise variance in the search for one of two motions, over the residual variance
-# that is independent between neighbours. Chosen.
+# Upper bound of the noise variance in the search for one of two motions, divided by the residual
+# variance that is independent between neighbours. Chosen.
 SEARCH_NOISE_BOUND = 0.2
 
-# Least log-likelihood ratio of two motions to one, divided by the design effect. Measured: objects
-# with 0.2 to 0.4 of the matches have 2 to 30 (bench --tables scenes movers), a driving camera with
-# a rolling shutter up to 2.5. Held by tests/pose/test_two_motions.py (if doubled).
+# Least log-likelihood ratio of two motions to one, divided by the design effect. Measured: 2 to 30
+# for objects with 0.2 to 0.4 of the matches (bench --tables scenes movers), up to 2.5 for a driving
+# camera with a rolling shutter. Held by tests/pose/test_two_motions.py (if doubled).
 TWO_MOTIONS_MARGIN = 3.0
 
-# Least share of the matches that the dominant motion has. Chosen.
+# Of two motions, the motion of the camera must have more matches than this share of the inliers of
+# the single motion. Chosen.
 DOMINANT_SHARE = 1.0 / 3.0
 
-# Residual correlation from which on a part of the image may have its own motion. Chosen.
+# Correlation of neighbouring residuals from which on a second motion is searched for in a part of
+# the matches. Chosen.
 SUSPECT_CORRELATION = 0.3
 
-# Least number of matches of each of the two parts. Chosen.
+# Least number of matches that follow the first of two motions, and of all other matches. Chosen.
 MIN_PART_MATCHES = 20

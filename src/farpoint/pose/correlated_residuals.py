@@ -18,11 +18,11 @@ def count_residual_correlation(
 ) -> tuple[Matches, GeneralMotionFit]:
     """The matches and the fit, both with the design effect of correlated residuals.
 
-    The design effect is used only for matches without given covariances, and only if the z-score of
-    the correlation is at least `CORRELATED_Z`. N matches of a few surfaces carry less information
-    than N independent matches. Without the design effect the covariance, the evidence for
-    translation and the odds of two motions would be overconfident. If the z-score exceeds
-    `GATE_SIGMA`, the noise also counts as misspecified.
+    N matches of a few surfaces carry less information than N independent matches. Without the
+    design effect the covariance, the evidence for translation and the odds of two motions would be
+    overconfident. The design effect is used only for matches without given covariances, and only if
+    the z-score of the correlation is at least `CORRELATED_Z`. If the z-score exceeds `GATE_SIGMA`,
+    the noise also counts as misspecified (`Matches.misspecification`).
     """
     if matches.misspecification > 1.0 or fit.neighbours.z_score < CORRELATED_Z:
         return matches, fit

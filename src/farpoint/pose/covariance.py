@@ -54,11 +54,11 @@ def general_motion_covariance(fit: GeneralMotionFit) -> np.ndarray:
     """Covariance (5, 5) of ``[dtheta, dbeta]``, rad^2, in the `tangent_basis` of the direction.
 
     The covariance is the sandwich ``H^-1 V H^-1``. H is the Hessian of the expected negative log
-    likelihood, and V is the variance of the gradient. Because the depths are also estimated, noise
-    in the flow increases the Gauss-Newton matrix like true flow. H is corrected for this noise. V
-    is a weighted mean of two matrices: the Gauss-Newton matrix, correct if the noise model is
-    true, and the scatter of the gradient over the matches, which is correct for any noise. The
-    weight of the scatter grows with the effective number of matches.
+    likelihood, and V is the variance of the gradient. H is the Gauss-Newton matrix minus a
+    correction: because the depths are also estimated, noise in the flow increases the Gauss-Newton
+    matrix like true flow. V is a weighted mean of two matrices: the Gauss-Newton matrix, which is
+    correct if the noise model is true, and the scatter of the gradient over the matches, which is
+    correct for any noise. The weight of the scatter increases with the effective number of matches.
 
     If the direction is uncertain, H depends on the pose: a small error of the rotation lengthens
     the flow of all matches and increases the information. If the root of the sum of the variances
@@ -72,14 +72,15 @@ def general_motion_covariance(fit: GeneralMotionFit) -> np.ndarray:
 
 
 def split_half_ratio(fit: GeneralMotionFit, splits: int) -> float | None:
-    """Squared difference between the poses from two halves of the matches, over its expectation.
+    """Squared difference of the poses from two halves of the matches, divided by its expectation.
 
     If tracks of one surface have correlated errors, the poses from two halves differ by more than
     the covariances of the poses predict (delete-d jackknife: Shao and Wu, Ann. Stat. 17, 1989, DOI
-    10.1214/aos/1176347263). A patch is never split, because neighbouring matches are not
-    independent (Künsch, Ann. Stat. 17, 1989, DOI 10.1214/aos/1176347265). The result is the mean
-    over random ``splits``, divided by the ratio of independent noise, `INDEPENDENT_SPLIT_RATIO`;
-    None without splits or for fewer than `MIN_SPLIT_MATCHES` matches.
+    10.1214/aos/1176347263). All matches of an image patch are in the same half, because
+    neighbouring matches are not independent (Künsch, Ann. Stat. 17, 1989, DOI
+    10.1214/aos/1176347265). The result is the mean over random ``splits``, divided by the ratio of
+    independent noise, `INDEPENDENT_SPLIT_RATIO`. It is None without splits, for fewer than
+    `MIN_SPLIT_MATCHES` matches, and for a fit with an infinite covariance.
     """
     matches = fit.matches
     if not _can_split(matches, splits) or not math.isfinite(fit.covariance[0, 0]):
@@ -152,12 +153,13 @@ def mean_split_half_ratio(ratio: float | None, expected: float, pairs: int) -> f
 def inflation_beyond_patches(ratio: float | None, options: RelativePoseOptions) -> float:
     """Factor on the covariance for errors that are correlated beyond a patch.
 
-    Both halves of the matches share such errors, which cancel in the difference between the halves.
-    Errors of a video codec are correlated over all lengths, from a block to the image. The variance
-    that cancels is taken as proportional to the excess of the split-half ratio over 1.08 (bound for
-    uncompressed video). The factor is ``1 + slope * min(mean - 1.08, 1)``, at least 1, where
-    ``slope`` is ``options.sharing_beyond_patches``, and ``mean`` is the `mean_split_half_ratio`,
-    because the ratio of one pair has a large sampling error.
+    Both halves of the matches have such errors in common, and common errors cancel in the
+    difference between the halves. Errors of a video codec are correlated over all lengths, from a
+    block to the image. The variance that cancels is taken as proportional to the excess of the
+    split-half ratio over 1.08, the upper bound for uncompressed video. The factor is
+    ``1 + slope * min(mean - 1.08, 1)``, at least 1. ``slope`` is
+    ``options.sharing_beyond_patches``. ``mean`` is the `mean_split_half_ratio`, because the ratio
+    of one pair has a large sampling error.
     """
     expected, pairs = options.expected_half_ratio, options.expected_half_ratio_pairs
     excess = mean_split_half_ratio(ratio, expected, pairs) - UNCOMPRESSED_SPLIT_RATIO
@@ -169,8 +171,10 @@ def inflation_between_patches(fit: GeneralMotionFit) -> float:
 
     If surfaces of the scene are consistent with different motions, the likelihood has several
     modes. The poses from both halves are refined from the same mode and stay near this mode, but
-    other matches of the same scene might lead to another mode. The split-half ratio does not show
-    this uncertainty.
+    other matches of the same scene might lead to another mode. The split-half ratio does not
+    contain this uncertainty. The factor is
+    ``1 + HALVES_CORRELATION_SLOPE * max(c - HALVES_CORRELATION, 0)`` with the correlation c of
+    residuals in neighbouring patches.
     """
     matches, inlier = fit.matches, np.flatnonzero(fit.probability > 0.5)
     patch = patches_of(matches.rays0)
@@ -192,8 +196,8 @@ def _averaged(fit: GeneralMotionFit, covariance: np.ndarray) -> np.ndarray:
 def shared_covariance(matches: Matches, sigma: float) -> np.ndarray:
     """Covariance (3, 3), rad^2, of the rotation due to an error that is common to all matches.
 
-    ``sigma`` is the 1-sigma of the displacement of a typical match by the common error, in units of
-    the noise.
+    ``sigma`` is the 1-sigma of the displacement of a typical match by the common error, in the unit
+    of the noise sigma (px, or ``noise_rad`` if the user gave rays).
     """
     if sigma == 0.0:
         return np.zeros((3, 3))

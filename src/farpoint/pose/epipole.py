@@ -43,10 +43,10 @@ def mean_epipole(
 ) -> EpipoleEstimate | None:
     """Weighted mean of the intersections of all pairs of great circles, with signs.
 
-    A derotated match moves along a great circle; eqs. 14-17 intersect lines in the image instead.
-    On the sphere, an epipole at 90 degrees from the optical axis or behind the camera is no special
-    case. The cross product of two normals weighs the intersection of two great circles by the sine
-    of the angle between the circles.
+    A derotated match moves along a great circle. Eqs. 14-17 intersect lines in the image; here
+    great circles are intersected on the sphere, where an epipole at 90 degrees from the optical
+    axis or behind the camera is no special case. The cross product of two normals weighs the
+    intersection of two great circles by the sine of the angle between the circles.
 
     Parameters
     ----------
@@ -83,9 +83,9 @@ def mean_epipole(
     others = total - partial[used]
     along = others @ direction
     if not (along > 1e-9 * norm).all():
-        return None  # without one match the mean points the other way
+        return None  # without one of the matches, the sign of the mean changes
     left_out = others @ basis / along[:, None]
     deviation = left_out - left_out.mean(axis=0)
-    # Rounding bounds the covariance of coinciding intersections.
+    # The rounding variance bounds the covariance from below if all intersections coincide.
     covariance = (n - 1) / n * deviation.T @ deviation + EPIPOLE_ROUNDING_RAD**2 * np.eye(2)
     return EpipoleEstimate(direction_cam1_from_cam0=direction, basis=basis, covariance=covariance)

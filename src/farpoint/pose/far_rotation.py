@@ -36,16 +36,18 @@ def far_rotation(
 ) -> FarRotation:
     """Rotation of the far points among ``matches``.
 
-    Without far points the result is the rotation that removes most of the flow. The joint search
-    then starts from this rotation.
+    The rotation minimises the truncated sum of squares
+    ``sum min(|b - R a|^2 / variance, tolerance^2)`` over RANSAC samples, and is then refitted to
+    the consistent matches. Without far points the result is also such a rotation, although no point
+    moves by this rotation alone.
 
     Parameters
     ----------
     matches : Matches
         At least three matches.
     tolerance : float
-        Largest distance ``|b - R a|`` of a consistent match, in units of the noise of one
-        coordinate.
+        Largest distance ``|b - R a|`` of a consistent match, in units of the standard deviation of
+        one coordinate of ``b - R a`` for a noise sigma of 1.
     state : ndarray of uint64, shape (1,)
         Random state, which the function advances.
     max_iterations : int

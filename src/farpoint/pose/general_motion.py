@@ -63,7 +63,7 @@ class ResidualCorrelation(NamedTuple):
         z-score of the correlation under the hypothesis of independent noise.
     design_effect : float
         Variance of sums of residuals over parts of the image, divided by the variance of such sums
-        for independent residuals; 1 if independence is plausible.
+        for independent residuals; 1 if the z-score is below `CORRELATED_Z`.
     """
 
     correlation: float
@@ -117,8 +117,8 @@ class GeneralMotionFit:
     far_rotation_cam1_from_cam0 : ndarray, shape (3, 3)
         Initial rotation of the search: the rotation of the far points.
     laplace_factor : float
-        Negative logarithm of the Laplace (Occam) factor: the log likelihood of all matches at the
-        mode minus the log likelihood averaged over nearby poses.
+        Negative logarithm of the Laplace (Occam) factor: the logarithm of the likelihood of all
+        matches at the mode, minus the logarithm of the likelihood averaged over nearby poses.
     agreeing : int
         Number of matches that are not outliers.
     sign_log_odds : float
@@ -126,8 +126,9 @@ class GeneralMotionFit:
     log_odds : float
         Log odds of the motion against the hypothesis that all matches are outliers.
     beyond_rotation, supporting : int
-        Of the inliers among the matches used in the search: number that the best of three rotations
-        does not explain (`evidence.count_beyond_rotation`), and number of all.
+        For the inliers among the matches used in the search: number of inliers that the best of
+        three rotations does not explain (`evidence.count_beyond_rotation`), and number of all
+        inliers.
     """
 
     R_cam1_from_cam0: np.ndarray
@@ -163,10 +164,12 @@ class GeneralMotionFit:
 
     @property
     def log_evidence(self) -> float:
-        """Log likelihood of all matches averaged over nearby poses, with the sign of the direction.
+        """Logarithm of the averaged likelihood of all matches, plus that of the sign probability.
 
-        The prior of the parallax of a match is estimated from the other matches, and matches of one
-        surface are correlated. The prior therefore counts for ``min(N, 5 sqrt(N))`` of N matches.
+        The likelihood is averaged over nearby poses (Laplace). The prior of the parallax of a match
+        is estimated from the other matches, and matches of one surface are correlated. The
+        effective sample size of the prior is therefore ``min(N, 5 sqrt(N))`` for N matches: the sum
+        of the log priors is multiplied by ``min(5 / sqrt(N), 1)``.
         """
         n = len(self.matches)
         log_prior = float(self.probability @ np.log(self.per_match[0, :n]))
@@ -191,15 +194,16 @@ class GeneralMotionFit:
 
     @property
     def residual(self) -> np.ndarray:
-        """Sampson residual (N,) of each match for unit noise."""
+        """Sampson residual (N,) of each match, in the unit of the noise sigma."""
         return self.per_match[1, : len(self.matches)]
 
     @property
     def parallax(self) -> np.ndarray:
         """Signed shift (N,) along the epipolar line, positive towards the direction.
 
-        The shift is measured from the position that the rotation predicts, in units of the 1-sigma
-        of the shift for unit noise. The residual across the line is not part of the shift.
+        The shift is measured from the position that the rotation predicts, and is divided by the
+        standard deviation of the shift for a noise sigma of 1. The residual across the line is not
+        part of the shift.
         """
         return self.per_match[2, : len(self.matches)]
 
@@ -244,7 +248,7 @@ def fit_with_bounded_noise(
 ) -> GeneralMotionFit:
     """`fit_general_motion` of a part of the matches, with a bounded noise scale and few samples.
 
-    ``variance`` is the upper bound of the noise variance, in squared units of the matches' noise.
+    ``variance`` is the upper bound of the noise variance, in squared units of the noise sigma.
     ``samples`` is the largest number of samples.
     """
     least, most = (min(n, samples) for n in (options.min_iterations, options.max_iterations))
@@ -284,8 +288,9 @@ def start_at(pose: RelativePose) -> Start:
 def evaluate_matches(matches: Matches, fit: GeneralMotionFit | Start) -> np.ndarray:
     """Residual, parallax and inlier probability (3, N) of the given matches under a fitted motion.
 
-    The function calls `likelihood.evaluate_residuals` with the noise of these matches and a uniform
-    prior along the epipolar lines.
+    The function calls `likelihood.evaluate_residuals` with the covariances of the rays in
+    ``matches``, with the noise parameters of ``fit``, and with a uniform prior along the epipolar
+    lines.
     """
     rows = np.empty((3, packed_length(len(matches))))
     half_width, prior = matches.outlier_half_width, matches.weights()
@@ -296,8 +301,8 @@ def evaluate_matches(matches: Matches, fit: GeneralMotionFit | Start) -> np.ndar
 def log_densities(matches: Matches, fit: GeneralMotionFit) -> np.ndarray:
     """Log density (N,) of the given matches as inliers of a fitted motion.
 
-    The density is that of the residual in units of the noise, with a uniform density along the
-    epipolar lines.
+    The density is that of the Sampson residual, in the unit of the noise sigma. The density along
+    the epipolar line is taken as uniform, and is not a factor of the result.
     """
     residual, _, probability = evaluate_matches(matches, fit)
     outlier_share, repeated = fit.noise.outlier_share, fit.noise.repeated_share
@@ -335,8 +340,9 @@ def _least_signal(matches: Matches) -> float:
     """Least share of signal in the shrunk flow with which a direction is observable.
 
     The share of noise is at most `MAX_FLOW_NOISE_SHARE`. If the noise may be misspecified, the
-    sigma of the noise is taken as larger by a factor halfway between 1 and the square root of the
-    misspecification factor, and the largest share is divided by the square of this factor.
+    sigma of the noise is assumed to be larger by the factor
+    ``f = (1 + sqrt(misspecification)) / 2``, and the largest share of noise is
+    ``MAX_FLOW_NOISE_SHARE / f^2``.
     """
     sigma = 0.5 * (1.0 + math.sqrt(matches.misspecification))
     return 1.0 - MAX_FLOW_NOISE_SHARE / (sigma * sigma)

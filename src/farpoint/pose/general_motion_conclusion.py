@@ -1,4 +1,4 @@
-"""Result of a general motion: choice of the mode, covariance, and test of the direction."""
+"""Result of a general motion: status, covariance, and test of the direction."""
 
 from __future__ import annotations
 
@@ -91,7 +91,8 @@ def _inflated_covariance(
     """Covariance (5, 5), rad^2, inflated for correlated residuals and common errors."""
     ratio = diagnostics.split_half_ratio = split_half_ratio(posterior.fit, options.half_splits)
     inflation = inflation_by_halves(ratio, options.expected_half_ratio, 5 * options.half_splits)
-    # The design effect and the correlation of patches measure the same correlation.
+    # Only one of the two is used: the design effect and the correlation of patches measure the same
+    # correlation.
     if matches.design_effect > 1.0:
         inflation *= matches.design_effect
     elif ratio is not None:

@@ -32,7 +32,7 @@ def essential_matrix_constraint(
     """
     gtsam = _gtsam()
     heading = gtsam.Unit3(-R_cam1_from_cam0.T @ direction)
-    jacobian = np.zeros((5, 5))  # of GTSAM's [w, step] by [dtheta, dbeta]
+    jacobian = np.zeros((5, 5))  # derivative of GTSAM's [w, step] by [dtheta, dbeta]
     jacobian[:3, :3] = -np.eye(3)
     jacobian[3:] = -(R_cam1_from_cam0 @ heading.basis()).T @ np.hstack(
         [skew(direction), direction_basis]
@@ -53,8 +53,8 @@ def between_factor(
 
     ``twist`` is the covariance of the left perturbation of ``cam1_from_cam0``.
 
-    The inverse of ``Exp(xi) @ T`` is ``T^-1 @ Exp(-xi)``, so GTSAM's covariance is the given
-    matrix.
+    The inverse of ``Exp(xi) @ T`` is ``T^-1 @ Exp(-xi)``, and the covariance of ``-xi`` is that of
+    ``xi``. GTSAM's covariance is therefore the given matrix.
     """
     gtsam = _gtsam()
     least, *_, largest = np.linalg.eigvalsh(twist)

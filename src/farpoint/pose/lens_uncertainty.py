@@ -134,10 +134,10 @@ class _Lenses(NamedTuple):
     """The rays of both views as functions of ``z`` (r,), the errors in units of one sigma.
 
     The last four elements of ``z`` are the errors of the read-out time (1) and of the derivative of
-    the angular velocity (3). The others are errors of the lenses, which ``factors`` (P, r - 4) map
-    to the parameters of ``camera.refinable``. ``shutter`` undoes the rotation between the read-out
-    of each row and of the middle row, by the rotation vector ``theta`` between the views. ``rows``
-    are the indices of the views' matches in ``shutter``.
+    the angular velocity (3). The other elements are errors of the lenses; ``factors`` (P, r - 4)
+    map them to the parameters of ``camera.refinable``. ``shutter`` rotates the rays of each row to
+    the axes of the middle row; ``theta`` is the rotation vector between the views. ``rows`` are the
+    indices, in ``shutter``, of the matches of ``views``.
     """
 
     views: tuple[View, View]
@@ -195,7 +195,8 @@ class _Lenses(NamedTuple):
     def at(self, z: np.ndarray) -> tuple[Camera, Camera, Shutter | None]:
         """Exact cameras with the lens errors ``z``.
 
-        The errors are halved until the parameters of the lens are valid.
+        If the parameters of a lens are not valid, the errors of this lens are halved until the
+        parameters are valid.
         """
         shutter = self.shutter
         if shutter is not None:
@@ -222,7 +223,7 @@ def _by_lens(view: View, by_parameters: np.ndarray, factor: np.ndarray) -> _Rays
 
 
 def _unrolled(rays: _Rays, image: int, shutter: Shutter, theta: np.ndarray) -> _Rays:
-    """Rays in the axes of the middle row: the rotation up to the read-out of each row is undone."""
+    """Rays in the axes of the middle row: the rotation from this row to each row is undone."""
     unrolled, by_pixel = shutter.unrolled(theta, image, rays.rays, rays.by_pixel)
     by_lens = shutter.columns_unrolled(theta, image, rays.by_lens)
     phases = shutter.phases(image)[:, None]
@@ -256,10 +257,10 @@ def _with_error(camera: Camera, error: np.ndarray) -> Camera:
 
 
 def _sensitivity(pose: RelativePose, rays0: _Rays, rays1: _Rays) -> np.ndarray:
-    """Derivative ``dx/dz`` of the estimate by the errors of the lenses.
+    """Derivative ``dx/dz`` of the estimate by the errors of the lenses and of the shutter.
 
-    ``x`` is ``[dtheta, dbeta]``, which gives the shape (5, r), or, for a pose without a direction,
-    ``dtheta``, which gives the shape (3, r).
+    ``x`` is ``[dtheta, dbeta]``, and the shape is (5, r). For a pose without a direction, ``x`` is
+    ``dtheta``, and the shape is (3, r).
     """
     R, t = pose.rotation_cam1_from_cam0, pose.direction_cam1_from_cam0
     assert R is not None
@@ -323,10 +324,11 @@ def _explained_by_a_rotation(
 ) -> np.ndarray | None:
     """Errors of the lenses (r,) with which a rotation explains most of the flow.
 
-    The result is None if most of the matches contradict a rotation through every probable lens. The
-    function maximises, by Gauss-Newton, the likelihood of ``dtheta`` and ``z`` times the prior of
-    ``z``. The likelihood has heavy tails, because near points also move by the translation. The
-    flow is linearised again in each step that is too long for the last linearisation.
+    The result is None if more than 50 % of the matches contradict a rotation through every probable
+    lens. The function maximises, by Gauss-Newton, the likelihood of ``dtheta`` and ``z`` times the
+    prior of ``z``. The likelihood has heavy tails, because near points also move by the
+    translation. If a step leaves the range in which the flow is linear, the flow is linearised
+    again.
     """
     R, noise_px = pose.rotation_cam1_from_cam0, pose.noise_px
     assert R is not None
@@ -361,9 +363,9 @@ def _explained_by_a_rotation(
 def _flow_per_sigma(
     R: np.ndarray, rays0: _Rays, rays1: _Rays, noise_px: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """`_flow` and its derivatives in units of the noise, for matches whose rays exist.
+    """`_flow` and its derivatives, divided by the sigma of the flow, for matches with rays.
 
-    Through a lens with errors, some pixels may have no ray.
+    Through a lens with errors, some pixels may have no ray; these matches are left out.
     """
     flow, by_x = _flow(R, rays0, rays1)
     scale = 1.0 / (noise_px * np.sqrt(_flow_variance(rays0, rays1)))

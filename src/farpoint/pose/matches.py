@@ -76,18 +76,18 @@ class Matches:
     unit : str
         Unit of the noise: ``"px"``, or ``"noise_rad"`` if the user gave rays.
     outlier_half_width : float
-        Half-width of the domain of outliers, in units of the noise. A uniform distribution over
-        this domain has the second moment of the rays in camera 1.
+        Half-width of the domain of outliers, in the unit of the noise sigma. A uniform distribution
+        over this domain has the variance of a coordinate of the rays in camera 1.
     misspecification : float
-        Misspecification factor of the noise: the factor by which the variance in one direction may
-        exceed the variance in another, compared with the noise model. 1 for independent noise
+        Misspecification factor of the noise: the factor by which the ratio of the variances of a
+        match in two directions may differ from that of the noise model. 1 for independent noise
         without given covariances.
     design_effect : float
         Variance of a motion divided by the variance for independent residuals.
     given_noise : GivenNoise or None
         Other versions of the matches, if the user gave the noise of each match.
     min_variance : float
-        Lower bound of the noise variance, due to rounding of coordinates.
+        Lower bound of the noise variance, due to rounding of coordinates; px^2 or noise_rad^2.
     max_variance : float
         Upper bound of the noise variance, infinite for no bound. A finite bound excludes a heavy
         tail.
@@ -112,8 +112,9 @@ class Matches:
         """Number by which log-likelihood ratios are divided.
 
         Log-likelihood ratios are too large by the factor ``misspecification`` if the variance is
-        misspecified, and by the factor ``design_effect`` if residuals are correlated: the effective
-        number of matches is smaller by this factor. The larger of the two factors is used.
+        misspecified, and by the factor ``design_effect`` if residuals are correlated, because the
+        effective number of matches is then smaller by this factor. The larger of the two factors is
+        used.
         """
         return max(self.misspecification, self.design_effect)
 
@@ -176,7 +177,7 @@ class Matches:
 
     @cached_property
     def precision(self) -> np.ndarray:
-        """Inverse (N,), rad^-2, of the mean variance of ``b - R a`` along one direction."""
+        """Inverse (N,), rad^-2, of the mean variance of a coordinate of ``b - R a``; sigma = 1."""
         return 1.0 / self._rows(FLOW, FLOW + 1)[:, 0]
 
     def _rows(self, first: int, end: int) -> np.ndarray:
@@ -222,7 +223,7 @@ class PixelMatches:
     ) -> PixelMatches:
         """Unproject pixels (N, 2) with covariances (N, 2, 2), px^2 up to a common factor.
 
-        If the covariances of only one image are given, the noise of the other image is isotropic
+        If the covariances of only one image are given, the noise of the other image is isotropic,
         with the median of the given variances.
         """
         check_camera("camera0", camera0)
@@ -257,7 +258,7 @@ class PixelMatches:
         def packed(first: np.ndarray, second: np.ndarray) -> Matches:
             noise, least = (first, second), ROUNDING**2
             matches = _pack(rays0, rays1, by_pixel0, by_pixel1, noise, least, "px")
-            # A copy only for matches on a pixel grid, which are rare.
+            # Only matches on a pixel grid, which are rare, need a copy with another bound.
             same = self.min_variance == MIN_NOISE_VARIANCE
             return matches if same else replace(matches, min_variance=self.min_variance)
 
@@ -392,7 +393,8 @@ def _covariances(
     second = first
     if not is_shared:
         second = _checked_covariance("covariance1_px2", covariance1_px2, count)
-    # The median, because one huge variance would make all others exact after division by a mean.
+    # The variances are divided by their median and not by their mean: after division by a mean that
+    # one huge variance dominates, all other covariances would be nearly 0.
     different = (first,) if is_shared else (first, second)
     traces = [c[:, 0, 0] + c[:, 1, 1] for c in different if c is not None]
     typical = max(median(np.concatenate(traces)) / 2.0 if count else 1.0, 1e-300)
@@ -410,8 +412,8 @@ def _relative(covariances: np.ndarray | None, typical: float) -> np.ndarray:
 def _bounded(covariances: np.ndarray, least: float, most: float) -> np.ndarray:
     """Covariances whose variances are limited to the range from ``least`` to about ``most``.
 
-    Squares and quotients of variances outside the range would overflow, or a single match would
-    leave no weight for the other matches.
+    With variances outside the range, squares and quotients would overflow, or all matches but one
+    with a tiny variance would have no weight.
     """
     xx, yy = covariances[:, 0, 0], covariances[:, 1, 1]
     highest = np.maximum(xx, yy)
@@ -432,7 +434,7 @@ def _checked_covariance(name: str, covariance: np.ndarray | None, count: int) ->
     xx, xy, yx, yy = C.reshape(-1, 4).T
     if not (np.abs(xy - yx) <= 1e-6 * np.abs(xy) + 1e-8).all():
         raise InputError("expected symmetric matrices", field=name)
-    # As roots: the squares of large variances overflow.
+    # The test compares square roots, because products of large variances overflow.
     if not ((xx > 0.0) & (yy > 0.0)).all() or not (np.abs(xy) < np.sqrt(xx) * np.sqrt(yy)).all():
         raise InputError("expected positive definite matrices", field=name)
     return _bounded(C, *VARIANCE_BOUNDS_PX2)

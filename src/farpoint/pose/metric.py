@@ -32,8 +32,9 @@ def pose_covariance_in(
 ) -> np.ndarray:
     """`twist_covariance` (6, 6) in the given order.
 
-    The inverse of ``Exp(xi) @ T`` is ``T^-1 @ Exp(-xi)``. In the axes of camera 0, rotation and
-    translation of the twist are therefore multiplied by ``-R.T``.
+    The inverse of ``Exp(xi) @ T`` is ``T^-1 @ Exp(-xi)``. In the fixed axes of camera 0, the
+    perturbation of the inverse pose is therefore the twist with rotation and translation each
+    multiplied by ``-R.T``.
     """
     if order is PoseOrder.COLMAP:
         return twist

@@ -1,15 +1,16 @@
 """Model selection: tests of consensus, translation and rotation at a false-alarm rate.
 
-1. *Consensus*: do more matches agree than by chance? For a general motion, the test is the
-   likelihood ratio of the motion to the hypothesis that all matches are outliers. By chance, the
-   probability that this ratio exceeds 1 / rate is at most the rate (Markov's inequality). For a
-   pure rotation, the test is the expected number of hypotheses with such a consensus by chance (an
-   a-contrario test: Moisan and Stival, IJCV 2004, DOI 10.1023/B:VISI.0000013094.38752.34).
+1. *Consensus*: do more matches agree than by chance? For a general motion, the likelihood ratio of
+   the motion to the hypothesis that all matches are outliers must exceed 1 / rate. If all matches
+   are outliers, this happens with a probability of at most the rate (Markov's inequality). For a
+   pure rotation, the expected number of hypotheses with so many agreeing matches, if all matches
+   are outliers, must be below the rate (an a-contrario test: Moisan and Stival, IJCV 2004,
+   DOI 10.1023/B:VISI.0000013094.38752.34).
 2. *Translation*: do the matches move along the epipolar lines by more than the noise? One of three
    tests must pass. The first is an F test over the matches that both the general motion and the
    pure rotation explain. The second tests whether more matches flow towards one epipole than by
    chance. The third tests whether the likelihood ratio of the two models exceeds 1 / rate; both
-   likelihoods are averaged over all poses.
+   likelihoods are averaged over nearby poses (Laplace).
 3. *Rotation*: does the rotation differ from the identity by more than the noise?
 """
 
@@ -51,7 +52,7 @@ def is_consensus(agreeing: int, total: int, minimal: int, chance: float, rate: f
     agreeing, total : int
         Number of matches that agree with the best hypothesis, and number of all matches.
     minimal : int
-        Number of matches from which a hypothesis is computed; these agree by construction.
+        Number of matches from which a hypothesis is computed; these matches agree by construction.
     chance : float
         Probability that an outlier agrees with a given hypothesis.
     rate : float
@@ -67,8 +68,8 @@ def is_consensus(agreeing: int, total: int, minimal: int, chance: float, rate: f
 def is_motion(fit: GeneralMotionFit, rate: float) -> bool:
     """Whether the likelihood ratio of the motion to outliers alone exceeds ``1 / rate``.
 
-    The ratio is averaged over all motions (Laplace factor), because the likelihood of a motion that
-    is fitted to only five matches has a sharp mode.
+    The likelihood of the motion is averaged over nearby motions (Laplace factor), because the
+    likelihood of a motion that is fitted to only five matches has a sharp mode.
     """
     return fit.agreeing > POSE_PARAMETERS and fit.log_odds - fit.laplace_factor > -math.log(rate)
 
@@ -76,10 +77,10 @@ def is_motion(fit: GeneralMotionFit, rate: float) -> bool:
 def is_clearly_translating(fit: GeneralMotionFit) -> bool:
     """Whether even the best of three rotations leaves many inliers unexplained.
 
-    The numbers of unexplained and of all inliers are ``fit.beyond_rotation`` and
-    ``fit.supporting``. In this common case no pure rotation needs to be fitted. The unexplained
-    inliers must be more than a share of 0.1 of all inliers, and more than 8 plus 4 times the number
-    of outliers that are expected to lie on their epipolar lines by chance.
+    If so, no pure rotation needs to be fitted, which is the common case. The number of unexplained
+    inliers is ``fit.beyond_rotation``, and the number of all inliers is ``fit.supporting``. The
+    unexplained inliers must be more than a share of 0.1 of all inliers, and more than 8 plus 4
+    times the number of outliers that are expected to lie on their epipolar lines by chance.
     """
     outliers = min(len(fit.matches), MAX_SEARCHED) - fit.supporting
     chance = min(GATE_SIGMA * fit.noise.sigma / fit.matches.outlier_half_width, 1.0)
@@ -94,11 +95,12 @@ def is_vague(fit: GeneralMotionFit, sigma: float, rate: float) -> bool:
 def translation_evidence(
     matches: Matches, fit: GeneralMotionFit, pure_rotation: PureRotationFit, rate: float
 ) -> float:
-    """Evidence for translation, 0 to 1; 1 if one of the tests passes at the false-alarm ``rate``.
+    """Evidence for translation: 1 or more if a test passes at the false-alarm ``rate``, else less.
 
-    The evidence is between 0 and 1 in three cases: a test passes only at a higher rate, a test
-    passes only if the noise model is exact, or the likelihood ratio of the general motion to the
-    pure rotation is less than ``1 / rate``.
+    The tests are those of the module docstring. The evidence is 1 if more matches flow towards one
+    epipole than by chance. Otherwise the evidence is the larger of two numbers: the evidence of the
+    F test, 0 to 1 (`_bulk_beyond_noise`), and the log-likelihood ratio of the general motion to the
+    pure rotation, divided by ``log(1 / rate)``.
     """
     band = GATE_SIGMA * fit.noise.mean_sigma
     unexplained, near, by_chance, bulk, across, flow = flow_beside_rotation(
@@ -132,7 +134,10 @@ def _log_ratio_to_rotation(fit: GeneralMotionFit, pure_rotation: PureRotationFit
 
 
 def is_static(R_cam1_from_cam0: np.ndarray, covariance: np.ndarray, rate: float) -> bool:
-    """Whether a rotation with this covariance (3, 3), rad^2, may be the identity."""
+    """Whether a rotation may be the identity, by a chi-squared test at the false-alarm ``rate``.
+
+    ``covariance`` (3, 3) is the covariance of the rotation, rad^2.
+    """
     distance2 = size2(rotation_vector(R_cam1_from_cam0), covariance)
     return bool(scipy.special.chdtrc(3.0, distance2) > rate)
 
@@ -148,7 +153,7 @@ def _bulk_beyond_noise(n: int, across: float, flow: float, matches: Matches, rat
     """
     if n < MIN_MATCHES:
         return 0.0
-    # Without noise, rounding remains.
+    # Lower bound of the noise: rounding of coordinates.
     across = max(across, n * matches.min_variance)
     ratio = max(flow - across, 0.0) / n / (across / (n - 3))
     false_alarms = INDEPENDENT_TESTS * scipy.special.fdtrc(float(n), n - 3.0, ratio)

@@ -18,12 +18,14 @@ class Noise(NamedTuple):
     Attributes
     ----------
     variance : float
-        Variance of the core of the inliers, per coordinate, in units of the given noise.
+        Variance of the core of the inliers per coordinate, px^2, or noise_rad^2 if the user gave
+        rays. With given covariances, that of a match with the median variance.
     outlier_share : float
         Share of outliers among all matches.
     tail_share : float
-        Share of the inliers whose sigma is `TAIL_RATIO` times that of the core. Of these inliers,
-        the same share has a sigma that is `TAIL_RATIO` times larger again, and so on (heavy tail).
+        Share of the inliers whose sigma is at least `TAIL_RATIO` times that of the core. Of these
+        inliers, the same share has a sigma that is at least `TAIL_RATIO` times larger again, and so
+        on (heavy tail).
     repeated_share : float
         Share of repeated-structure outliers among the outliers: matches between neighbouring
         copies of a repeated structure, such as the windows of a house. 0 for a pure rotation, whose

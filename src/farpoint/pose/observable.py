@@ -1,4 +1,4 @@
-"""Observable motion, and the distance beyond which a motion shows no image shift (eq. 6)."""
+"""Observable motion, and distance of far points (Burschka and Mair 2008, eq. 6)."""
 
 from __future__ import annotations
 

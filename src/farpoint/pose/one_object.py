@@ -1,4 +1,4 @@
-"""Test whether only one compact object shows parallax, an object that may move independently.
+"""Test whether only one compact object has parallax: this object may move independently.
 
 Far points and one near object allow two explanations with the same likelihood: a camera that moves
 past a stationary object, and a camera that only turns while the object moves.
@@ -32,8 +32,8 @@ def is_one_object(rays: np.ndarray, labels: np.ndarray) -> bool:
     """
     near, inliers = labels == 2, labels > 0
     count, total = np.count_nonzero(near), np.count_nonzero(inliers)
-    # The region contains at least `OBJECT_REGION_SHARE` of the near matches. If these alone are too
-    # many for a compact region, the region is not computed.
+    # The region contains at least `OBJECT_REGION_SHARE` of the near matches. If this number of
+    # matches is already too large for a compact region, the region is not computed.
     if (
         count < MIN_OBJECT_NEAR
         or total - count < MIN_MATCHES

@@ -32,8 +32,8 @@ class RelativePoseOptions:
         mean of the pairwise intersections. The weight of shorter flow is proportional to the
         length of the flow.
     confidence : float
-        Probability, in (0, 1), with which the search must find the right motion: a sample without
-        outliers that converges to this motion. A higher probability needs more samples.
+        Probability, in (0, 1), with which the search must draw at least one sample without outliers
+        that converges to the right motion. A higher probability needs more samples.
     min_iterations, max_iterations : int
         Bounds on the number of joint hypotheses of rotation and direction in one search, each from
         a sample of five matches. A search in few matches draws at most ln 2 times the number of
@@ -104,5 +104,5 @@ class RelativePoseOptions:
                 raise InputError(f"expected True or False, got {value!r}", field=name)
 
 
-# Made once: their validation takes as long as packing 100 matches.
+# Made once: the validation of options takes as long as packing 100 matches.
 DEFAULTS = RelativePoseOptions()

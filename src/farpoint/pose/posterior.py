@@ -1,16 +1,17 @@
 """The likeliest of all candidate motions, and what else the matches allow.
 
-The evidence of a motion (`GeneralMotionFit.log_evidence`) is the log likelihood of all matches with
-Laplace's factor, the log probability of the sign of the direction, and a down-weighted prior of the
-parallax. The log ratio of two motions is the difference of their evidences plus the log-likelihood
-ratio of the residuals alone, with the same noise for both motions. Tests and probabilities use this
-sum divided by `Matches.tempering`.
+The log evidence of a motion (`GeneralMotionFit.log_evidence`) is the log likelihood of all matches
+averaged over nearby poses (Laplace), with a down-weighted prior of the parallax, plus the log
+probability of the sign of the direction. The log ratio of two motions is the difference of their
+log evidences plus the log-likelihood ratio of the residuals alone, with the same noise for both
+motions. Tests and probabilities use this sum divided by `Matches.tempering`.
 
-The two motions of a plane are the exception: their log likelihoods differ by chance, by about
-sqrt(N) for N matches, because each motion ignores the noise along its own epipolar lines. The
-relief of the plane decides instead. If the evidences differ by more than by chance, or if the noise
-may be misspecified or correlated, the log ratio by relief counts only if the evidence prefers the
-same motion.
+The two motions of a plane are the exception. Residuals do not contain the noise along the epipolar
+lines, and the two motions have different epipolar lines. Their log likelihoods therefore differ by
+chance, by about sqrt(N) for N matches. The log ratio is instead computed from the relief of the
+plane (`_kernels.plane`). Relief and evidence contradict each other if they prefer different motions
+and, in addition, the log evidences differ by more than 2 sqrt(N) or `Matches.tempering` exceeds 1.
+Then both motions count as equally likely.
 """
 
 from __future__ import annotations
@@ -80,10 +81,10 @@ class Alternative(NamedTuple):
     def covariance_beside(self, fit: GeneralMotionFit) -> np.ndarray:
         """Covariance (5, 5), rad^2, to add to ``fit`` because this motion may be the true motion.
 
-        The added covariance is the squared difference between the two motions times the probability
-        of this motion. A share of 0.1 of the squared difference is rotated by 90 degrees about the
-        direction. The added covariance is zero if the two directions differ by more than 30
-        degrees (`COS_SAME_MODE`).
+        The added covariance is the probability of this motion times ``0.9 x x^T + 0.1 y y^T``. x is
+        the difference ``[dtheta, dbeta]`` between the two motions, and y is x rotated by 90 degrees
+        about the direction. The added covariance is zero if the two directions differ by more than
+        30 degrees (`COS_SAME_MODE`).
         """
         if _cosine(self, fit) < COS_SAME_MODE:
             return np.zeros((5, 5))
@@ -154,7 +155,7 @@ def covariance_between(apart: np.ndarray, probability: float) -> np.ndarray:
 
     ``apart`` is the rotation vector between the two rotations. The covariance is the probability
     times the squared length of ``apart``: a share of 0.9 along ``apart``, and an isotropic share of
-    0.1 for the case that a third rotation is the true one.
+    0.1 for the case that neither of the two rotations is the true one.
     """
     isotropic = float(apart @ apart) / 3.0 * np.eye(3)
     return probability * (
@@ -171,11 +172,11 @@ def compare_motions(
 ) -> Posterior:
     """Refine the candidate motions by all matches, and compare them with a fitted motion.
 
-    A motion is ruled out at the false-alarm rate ``rate``. A candidate cannot become the likeliest
-    motion if it makes the residuals of neighbours more correlated than ``fit`` does, and
-    significantly correlated, as a merged mode of two motions does. If the direction of the
-    likeliest motion is uncertain, and no motion in another direction is possible, a search in other
-    directions follows.
+    A motion is ruled out if its log ratio to the likeliest motion is at least ``log(1 / rate)``
+    times `Matches.tempering`. A candidate cannot become the likeliest motion if the z-score of its
+    residual correlation exceeds both `GATE_SIGMA` and the z-score of ``fit``, because the candidate
+    may be a merged mode of two motions. If the direction of the likeliest motion is uncertain, and
+    all motions in other directions are ruled out, a search in other directions follows.
     """
     of_plane = _other_of_plane(fit)
     pool = [refit_general_motion(matches, start) for start in candidates]
@@ -211,12 +212,12 @@ def _log_ratio(one: GeneralMotionFit, other: GeneralMotionFit) -> float:
 
     The evidence contains the prior of the parallax, which is estimated separately for each motion
     and therefore favours motions that leave little parallax. The log-likelihood ratio of the
-    residuals alone has a uniform prior, and does not favour such motions. The noise is a property
-    of the tracker and not of a motion. In the second ratio the residuals of both motions therefore
-    have the same noise, the smaller one, so that a motion gains nothing by explaining outliers by a
-    larger noise. For motions in about the same direction, the result is the difference of the
-    evidences alone. `LOG_RATIO_TEMPERING`, 0.5, in `Alternative.probability` turns the sum of both
-    log ratios into their mean.
+    residuals alone has a uniform prior, and does not favour such motions. In this second ratio both
+    motions have the same noise, the smaller of their two noises: the noise is a property of the
+    tracker and not of a motion, and with a larger noise a motion could take outliers as inliers.
+    For motions in about the same direction, the result is the difference of the evidences alone.
+    `LOG_RATIO_TEMPERING`, 0.5, in `Alternative.probability` turns the sum of both log ratios into
+    their mean.
     """
     difference = one.log_evidence - other.log_evidence
     if _cosine(one, other) > COS_NEARBY:
@@ -301,10 +302,11 @@ def _likelier_of_plane(
 ) -> tuple[GeneralMotionFit, Alternative]:
     """The likelier and the less likely of the two motions of a plane.
 
-    Relief and evidence contradict each other if they prefer different motions and either the noise
-    may be misspecified or the evidences differ by more than by chance. Both motions are then taken
-    as equally likely, and the motion with the larger evidence is returned first. ``fit`` is also
-    returned first if the refinement of the other motion converges to ``fit``.
+    Relief and evidence contradict each other if they prefer different motions and, in addition,
+    `Matches.tempering` exceeds 1 or the log evidences differ by more than `CHANCE_SIGMA` times
+    sqrt(N). Both motions are then taken as equally likely, and the motion with the larger evidence
+    is returned first. ``fit`` is also returned first if the refinement of the other motion
+    converges to ``fit``.
     """
     found = refit_general_motion(
         fit.matches, fit.at(other.R_cam1_from_cam0, other.direction_cam1_from_cam0)

@@ -38,7 +38,8 @@ class PureRotationFit:
         Covariance of the rotation if the model is true, rad^2.
     noise : Noise
     distance2 : ndarray, shape (N,)
-        Squared Mahalanobis distance of each match for unit noise, 2 degrees of freedom.
+        Squared Mahalanobis distance of each match from the prediction of the rotation, for a noise
+        sigma of 1; 2 degrees of freedom.
     probability : ndarray, shape (N,)
         Inlier probability of each match.
     cost : float

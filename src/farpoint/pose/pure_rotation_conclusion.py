@@ -92,9 +92,9 @@ def _inflated_covariance(
 def _covariance_if_general(fit: PureRotationFit, general: GeneralMotionFit) -> np.ndarray:
     """Covariance (3, 3), rad^2, of the pure rotation if the general motion is the true one.
 
-    Half of the squared angle between both rotations is the variance of every axis, because the axis
-    of the difference depends on the unknown direction. The covariance of the general motion's
-    rotation is added if it fixes the rotation (`fixes_rotation`).
+    The variance of every axis is 0.5 times the squared angle between both rotations, because the
+    axis of the difference depends on the unknown direction. The rotation covariance of the general
+    motion is added if the general motion fixes the rotation (`fixes_rotation`).
     """
     apart = rotation_vector(fit.R_cam1_from_cam0 @ general.R_cam1_from_cam0.T)
     isotropic = 0.5 * math.hypot(*apart) ** 2 * IDENTITY

@@ -105,8 +105,9 @@ def estimate_relative_pose_from_rays(
     """Motion between two views of any central camera, from rays (N, 3) in camera 0 and camera 1.
 
     ``options``, ``seed`` and the result have the same meaning as in `estimate_relative_pose`.
-    ``noise_rad`` is the 1-sigma noise of a ray in each direction, rad. The attribute ``noise_px``
-    of the result is the estimated noise as a multiple of ``noise_rad``.
+    ``noise_rad`` is the 1-sigma noise of a ray, rad, along each of two axes perpendicular to the
+    ray. The attribute ``noise_px`` of the result is the estimated noise as a multiple of
+    ``noise_rad``.
     """
     options = options or DEFAULTS
     matches = matches_from_rays(rays0, rays1, noise_rad)

@@ -52,7 +52,7 @@ class PoseStats:
     matches, far, near, outliers : int
         Number of given matches, and number of matches with each label.
     iterations : int
-        Hypotheses tried by the consensus search.
+        Number of samples drawn by the search.
     cost : float or None
         Mean negative log likelihood of a match at the estimate; None if no motion was fitted.
     sign_probability : float or None

@@ -4,11 +4,13 @@ The rows of an image are read one after the other while the camera rotates. A ro
 (-1/2 for the first row to 1/2 for the last) is read ``q r`` after the middle row, where ``r`` is
 the read-out time. The velocities are constant over the time ``T`` between the two views, and
 ``theta`` is the rotation vector over ``T``. When the row is read, the camera has rotated by the
-share ``q r / T`` of ``theta`` since the middle row. A ray ``b`` of this row is therefore ``Exp(-q r
-/ T theta) b`` in the axes of the middle row. The distance between the camera positions of two rows
-is ``1 + (q1 - q0) r / T`` times the translation, and the direction between these positions is that
-of the translation. The corrected rays therefore satisfy the epipolar constraint of a global
-shutter.
+share ``q r / T`` of ``theta`` since the middle row. A ray ``b`` of this row is therefore
+``Exp(-q r / T theta) b`` in the axes of the middle row.
+
+A match is in a row of phase ``q0`` in image 0, and of phase ``q1`` in image 1. The displacement of
+the camera between these two rows is ``1 + (q1 - q0) r / T`` times the translation between the
+middle rows, and has the same direction. The corrected rays therefore satisfy the epipolar
+constraint of a global shutter.
 """
 
 from __future__ import annotations
@@ -30,10 +32,11 @@ class AngularVelocityPrior(NamedTuple):
     """Prior of the camera's angular velocity at the two views.
 
     Let w(t) be the angular velocity, with image 0 at t = 0 and image 1 at t = 1. If the mean of w
-    over (-1, 0) is known, the prior is linear in time, with the known means over (-1, 0) and
-    (0, 1); otherwise the prior is constant, the mean over (0, 1). The true w(0) and w(1) differ
-    from the linear prior by -1/6 and 1/3 of the second derivative of w, and from the constant prior
-    by -1/2 and 1/2 of the first derivative of w (Taylor).
+    over (-1, 0) is known, the prior is linear in time, and has the known means over (-1, 0) and (0,
+    1). Otherwise the prior is constant, and equals the mean over (0, 1). The errors of the prior
+    follow from a Taylor series. True w(0) and w(1) minus the linear prior are -1/6 and 1/3 times
+    the second derivative of w. True w(0) and w(1) minus the constant prior are -1/2 and 1/2 times
+    the first derivative of w.
 
     Attributes
     ----------
@@ -135,7 +138,7 @@ class Shutter(NamedTuple):
         return self._replace(phase0=self.phase0[rows], phase1=self.phase1[rows])
 
     def time_between(self, rows: np.ndarray) -> float:
-        """Mean time between the two rows of a match, over the time between the middle rows.
+        """Mean time between the two rows of a match, divided by the time between the middle rows.
 
         The mean is over the matches ``rows``.
         """

@@ -1,8 +1,9 @@
 """Explanations of the matches by two motions: the camera's, and that of an object or of dirt.
 
-The likelihood may have a mode between two motions, which explains all matches with more noise. This
-merged mode may be likelier than the motion of the camera, because the noise scale is free. One
-motion is therefore compared with two motions. The log likelihood of two motions is a mixture's,
+The likelihood may have a mode between two motions, a merged mode, which explains all matches with
+more noise. The merged mode may be likelier than the motion of the camera, because the noise scale
+is free. One motion is therefore compared with two motions. The log likelihood of two motions is
+that of a mixture,
 
     sum_i log(w_1 f_1(i) + w_2 f_2(i) + w_0 u),
 
@@ -11,10 +12,11 @@ second motion is a general motion, or matches that are stationary in the image, 
 lens, the bonnet, or a caption.
 
 Two motions must separate the matches: the entropy of the responsibilities is subtracted from the
-log likelihood. Errors that are smooth over the image, as of a lens or a shutter, also gain
-likelihood by a second motion, but separate no matches. The log ratio of two motions to one is
-divided by the design effect of the residuals of one motion, as every log ratio of correlated
-residuals. Finally, neighbouring residuals of the camera's motion must be independent.
+log likelihood. With errors that are smooth over the image, such as errors of a lens or a shutter,
+two motions are likelier than one, too, but do not separate the matches. The log ratio of two
+motions to one is divided by the design effect of the residuals of one motion, as every log ratio of
+correlated residuals. Finally, the residuals of the camera's motion must be independent between
+neighbours.
 """
 
 from __future__ import annotations
@@ -123,7 +125,9 @@ def explain_by_two(
 ) -> TwoMotions | None:
     """The likeliest explanation by two motions, if it is clearly likelier than ``fit`` alone.
 
-    Stationary matches have no unknown motion, so the other explanations are tried after them.
+    An explanation by stationary matches is tried first, because stationary matches have no unknown
+    motion. Two general motions are tried only if this explanation is not clearly likelier than
+    ``fit``.
     """
     arguments = matches, fit, tolerance, options, state
     for starts in (_with_stationary(*arguments), _with_bounded_noise(*arguments)):
@@ -143,7 +147,8 @@ def _with_stationary(
 ) -> Iterator[tuple[GeneralMotionFit, None]]:
     """The motion of the matches that are not stationary in the image.
 
-    If the camera does not rotate, far points are stationary, too: the motion explains them.
+    If the camera does not rotate, far points are stationary in the image, too. The motion of the
+    other matches then also explains the far points.
     """
     stationary = np.empty(len(matches), bool)
     within = min(GATE_SIGMA * fit.noise.sigma, tolerance)
@@ -162,9 +167,11 @@ def _with_bounded_noise(
 ) -> Iterator[tuple[GeneralMotionFit, GeneralMotionFit]]:
     """The motion found with a bounded noise, and two possible motions of the other matches.
 
-    The bound is 0.2 of the residual variance that is independent between neighbours. The second
-    motion is found in the same way from the other matches, or is ``fit`` refined with them. There
-    is no search unless neighbouring residuals are correlated and larger than a tracker's noise.
+    The bound of the noise variance is 0.2 times the residual variance that is independent between
+    neighbours. The second motion is found in the same way from the other matches, or is ``fit``
+    refined with the other matches. There is no search if the correlation of neighbouring residuals
+    is below `SUSPECT_CORRELATION`, or if the noise sigma is below `MERGED_MODE_NOISE_RATIO` times
+    the tolerance.
     """
     if (
         fit.neighbours.correlation < SUSPECT_CORRELATION
@@ -206,11 +213,12 @@ def _classify(
 ) -> _Classified | None:
     """Two motions near the given ones, by classification EM; None if one motion is likelier.
 
-    Celeux and Govaert, Comput. Stat. Data Anal. 14, 1992, DOI 10.1016/0167-9473(92)90042-E. The
-    gain is that of the integrated classification likelihood: the log likelihood minus the entropy
-    of the responsibilities (Biernacki, Celeux and Govaert, IEEE PAMI 22, 2000, DOI
-    10.1109/34.865189). EM ends if the upper bound of the gain is negative. If the matches are drawn
-    from ``total`` matches, one sigma of the sampling error is added to the upper bound.
+    Classification EM: Celeux and Govaert, Comput. Stat. Data Anal. 14, 1992, DOI
+    10.1016/0167-9473(92)90042-E. The gain is that of the integrated classification likelihood: the
+    log likelihood minus the entropy of the responsibilities, minus the log likelihood of one motion
+    (Biernacki, Celeux and Govaert, IEEE PAMI 22, 2000, DOI 10.1109/34.865189). EM ends if an upper
+    bound of the final gain is negative. If ``matches`` are a subsample of ``total`` matches, one
+    sigma of the sampling error is added to the upper bound.
     """
     unused = 1.0 - len(matches) / total
     alone, gain, follows = _log_likelihoods(matches, fit), -math.inf, np.zeros(0)
@@ -239,8 +247,10 @@ def _classify(
 def _of_camera(matches: Matches, fit: GeneralMotionFit, found: _Classified) -> TwoMotions | None:
     """The explanation in which the camera has one of the two motions; None if it has neither.
 
-    The motion of the camera is that of most matches, and its residuals are independent between
-    neighbours. Stationary matches are not of the camera's motion.
+    The motion with more matches is tried first. The motion of the camera must have more matches
+    than `DOMINANT_SHARE` times the inliers of ``fit``, and residuals that are independent between
+    neighbours (z-score at most `GATE_SIGMA`). Stationary matches do not follow the motion of the
+    camera.
     """
     motions, counts = (found.first, found.second), np.bincount(found.follows, minlength=2)
     for k in (0, 1) if counts[0] >= counts[1] else (1, 0):
@@ -288,7 +298,9 @@ def _second_density(
 ) -> np.ndarray:
     """Log density (N,) of the inliers of the second motion, or of stationary matches.
 
-    Along the epipolar line, stationary matches have the same density as far points.
+    The density of a stationary match is the normal density of its flow in two dimensions, divided
+    by the density along the epipolar line of a match without parallax. The densities of
+    `log_densities` do not contain a density along the line either.
     """
     if second is not None:
         return log_densities(matches, second)

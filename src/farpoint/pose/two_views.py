@@ -146,7 +146,8 @@ def _with_noise_floor(
     floor = noise_floor(matches, general)
     if not floor or matches.given_noise is None:
         return matches, start
-    # The search tested for a plane with noise that lacked the floor; is_planar repeats the test.
+    # The search has tested for a plane with noise that lacked the floor. ``is_planar=True`` makes
+    # `posterior` repeat the test.
     return matches.given_noise.with_floor(floor), replace(general, is_planar=True)
 
 

@@ -106,7 +106,8 @@ def search_views(
     near = fit.at(*(each.copy() for each in predicted))
     if near.direction_cam1_from_cam0 @ fit.direction_cam1_from_cam0 > COS_NEARBY:
         return searched
-    # With a rolling shutter both are compared after correction of the rows by their own rotation.
+    # With a rolling shutter, both motions are compared later, after the rows were corrected with
+    # the rotation of each motion.
     if shutter is not None and shutter.share != 0.0:
         return searched._replace(other=near)
     near = refit_general_motion(fit.matches, near)
@@ -116,7 +117,10 @@ def search_views(
 def rough_motion(
     searched: Searched, options: RelativePoseOptions
 ) -> tuple[np.ndarray, np.ndarray | None]:
-    """Rotation, cam1_from_cam0, found by a search, and the direction if the matches show one."""
+    """Rotation and direction, cam1_from_cam0, of a motion found by a search.
+
+    If the matches do not show a translation, the result is the pure rotation, and no direction.
+    """
     fit = searched.fit
     if is_clearly_translating(fit):
         return fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0

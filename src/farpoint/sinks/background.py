@@ -18,7 +18,7 @@ WAITING = 8
 """Length of the queue, in frames: smooths the frame rate with little memory."""
 
 _Step = Callable[[], object]
-_NOTES = 1000  # length of the queue above which small calls are left out: the sink hangs
+_NOTES = 1000  # queue length above which `note` adds no call, because the sink probably hangs
 
 
 class BackgroundSink:
@@ -41,7 +41,7 @@ class BackgroundSink:
         self._free_slots = threading.Semaphore(WAITING)
         self._problem: BaseException | None = None
         self._failed = self._closed = False
-        # A daemon, so that a program that does not close its sinks can end.
+        # A daemon thread, so that a program that does not close its sinks can end.
         self._thread = threading.Thread(target=self._work, name="farpoint-sink", daemon=True)
         self._thread.start()
 

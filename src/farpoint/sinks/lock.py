@@ -39,6 +39,7 @@ class FolderLock:
     Parameters
     ----------
     folder : Path
+        The output folder.
 
     Raises
     ------
@@ -100,7 +101,7 @@ class FolderLock:
                 return file
             if self._is_at_path(file):
                 return file
-            file.close()  # the previous run has just removed it; the path may have a new file
+            file.close()  # just removed by the previous run; another run may have made a new file
 
     def _is_at_path(self, file: BinaryIO) -> bool:
         if sys.platform == "win32":  # an open file stays at its path

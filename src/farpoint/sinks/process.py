@@ -32,7 +32,7 @@ class SinkProcess:
 
     Python runs one thread at a time, so drawing in a thread would slow down the estimation. The
     other process reads calls from a pipe. At the end of the pipe, the other process closes the sink
-    and ends, even if this process was killed. Ctrl-C does not reach the other process.
+    and ends, also if the calling process was killed. Ctrl-C does not reach the other process.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ class SinkProcess:
 
     def _loss(self) -> ChildProcessError:
         self._lost = True
-        self._process.kill()  # it may still run and have sent an invalid answer
+        self._process.kill()  # the process may still run, after an invalid answer
         code = self._process.wait()
         return ChildProcessError(
             f"{self._output}: the process that draws it has ended early (exit code {code})"

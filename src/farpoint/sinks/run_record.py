@@ -38,13 +38,13 @@ class RunState(Enum):
     """State of a run. The values are the words in ``run.json``."""
 
     RUNNING = "running"
-    """Running, or killed."""
+    """Running, or killed before the final state was written."""
     DONE = "done"
     """The source was read to its end."""
     INTERRUPTED = "interrupted"
-    """Stopped by the user; everything up to there is valid."""
+    """Stopped by the user; the files are valid up to the interruption."""
     FAILED = "failed"
-    """Stopped by an error; everything up to there is valid."""
+    """Stopped by an error; the files are valid up to the error."""
 
 
 @dataclass(frozen=True, kw_only=True)

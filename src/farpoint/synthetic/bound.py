@@ -14,13 +14,13 @@ __all__ = ["cramer_rao_bound", "rotation_cramer_rao_bound"]
 def cramer_rao_bound(scene: PointScene) -> np.ndarray:
     """Least covariance of ``[dtheta (3), dbeta (2)]``, rad^2, of an unbiased estimate.
 
-    All inliers, near and far, contribute. It is taken as known which matches are inliers, and how
-    large the noise is. The unknowns are the pose and the three coordinates of every scene point.
-    The rotation is perturbed on the left, and the direction in its tangent plane
-    ``sphere.tangent_basis(direction)``. Every point is seen in two images with normal noise. The
-    points are eliminated by the Schur complement. A is the Jacobian of the pixel in image 1 with
-    respect to the pose. U and V are the Jacobians of the pixels in image 1 and image 0 with respect
-    to the point::
+    All inliers, near and far, contribute. The estimator is assumed to know which matches are
+    inliers, and the noise. The unknowns are the pose and the three coordinates of every scene
+    point. The rotation is perturbed on the left, and the direction in its tangent plane
+    ``sphere.tangent_basis(direction)``. Every point is observed in two images with normal noise.
+    The points are eliminated by the Schur complement. For each point, A is the Jacobian of the
+    pixel in image 1 with respect to the pose, and U and V are the Jacobians of the pixels in image
+    1 and image 0 with respect to the point. The sum is over all points::
 
         information = sum A.T (I - U (U.T U + V.T V)^-1 U.T) A / noise^2
 
@@ -45,7 +45,8 @@ def cramer_rao_bound(scene: PointScene) -> np.ndarray:
     project1 = scene.camera.model.project_jacobian(rotated + shift * direction)
     by_direction = shift[:, :, None] * sphere.tangent_basis(direction)
     by_pose = project1 @ np.concatenate([_cross_matrices(-rotated), by_direction], axis=2)
-    # A point is its ray (two angles) and its inverse depth: finite for every depth.
+    # The coordinates of a point are two angles of its ray and its inverse depth, which are finite
+    # for a point at infinity, too.
     basis = sphere.tangent_basis(rays0)
     by_ray1 = scene.rotation_cam1_from_cam0 @ basis
     by_inverse_depth = np.broadcast_to(
@@ -58,7 +59,7 @@ def cramer_rao_bound(scene: PointScene) -> np.ndarray:
 
 
 def rotation_cramer_rao_bound(scene: PointScene) -> np.ndarray:
-    """Least covariance of ``dtheta``, shape (3, 3), rad^2, for a known pure rotation.
+    """Least covariance (3, 3) of ``dtheta``, rad^2, if the motion is known to be a pure rotation.
 
     Raises
     ------

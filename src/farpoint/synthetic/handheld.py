@@ -37,7 +37,7 @@ class HandheldTracks:
     noise_px : float
         1-sigma of the noise on each coordinate of a match, px.
     points : int
-        Number of points, in a room 6 m wide and 1.5 to 5 m deep.
+        Number of points, in a room 6 m wide and 5 m high, at depths of 1.5 to 5 m.
     fps : float
         Frames per second.
     """
@@ -91,7 +91,7 @@ class HandheldTracks:
                 covariance_px2=np.tile(self.noise_px**2 * np.eye(2), (both.sum(), 1, 1)),
             )
             error += more
-            # A point that has left the image returns as another track.
+            # A point that has left the image and returns gets a new track id.
             ids = np.where(both, ids, ids.max() + 1 + np.arange(count))
             error[~both] = 0.0
             before = now
@@ -105,7 +105,7 @@ class HandheldTracks:
         return so3.exp([0.20, 0.25, 0.10] * swings[0]), [0.25, 0.20, 0.15] * swings[1]
 
     def _seen(self, X: np.ndarray, frame: int) -> np.ndarray:
-        """Pixels (N, 2) of points at the times at which their rows are read; NaN if not in view."""
+        """Pixels (N, 2) of points, each when its row is read; NaN for a point out of view."""
         assert self.camera.size is not None
         width, height = self.camera.size
         pixels = np.full((len(X), 2), [0.0, 0.5 * (height - 1)])

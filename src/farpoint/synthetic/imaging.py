@@ -31,7 +31,7 @@ class ImagingOptions:
         of its exposure.
     exposure_samples : int
         Number of images that are averaged for motion blur, odd, 1 to 99. The times of these images
-        are spread evenly over the exposure. One of them is the middle of the exposure.
+        are spread evenly over the exposure. The middle time is that of the middle of the exposure.
     """
 
     noise_grey: float = 1.0
@@ -56,7 +56,7 @@ class ImagingOptions:
         return self.readout_s == self.exposure_s == 0.0
 
     def row_delays_s(self, rows: np.ndarray, height: int) -> np.ndarray:
-        """Read-out times (N,), s, of whole or fractional rows (N,), relative to the middle row."""
+        """Times (N,), s after the middle row, at which whole or fractional rows (N,) are read."""
         return self.readout_s * (rows / max(height - 1, 1) - 0.5)
 
     @property

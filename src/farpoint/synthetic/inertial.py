@@ -25,8 +25,9 @@ class InertialPath:
     trajectory : Trajectory
         ``world_from_body`` with time stamps; the world's z axis points up.
     knot_s : float
-        Time between the knots of the splines, s. Recorded poses are noisy, and the IMU would
-        measure the second derivative of the noise. Knots at least 0.1 s apart remove the noise.
+        Time between the knots of the splines, s. If every recorded pose were a knot, the simulated
+        IMU would measure the second derivative of the noise of the poses. Knots at least 0.1 s
+        apart avoid this error.
     """
 
     def __init__(self, trajectory: Trajectory, knot_s: float = 0.1) -> None:

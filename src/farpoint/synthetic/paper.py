@@ -53,16 +53,17 @@ def paper_protocol(
     """One random pair of the simulation table: 89.8 matches on average, including 20 outliers.
 
     The paper gives these numbers and the variance of the noise. All other values are assumptions.
-    The 89.8 matches are assumed to include the 20 outliers, which is the harder case.
-    ``mean_matches=109.8`` gives the case that the outliers are additional. The number of inliers
+    The 89.8 matches are assumed to include the 20 outliers, which is the harder case. With
+    ``mean_matches=109.8`` there are 20 outliers in addition to 89.8 inliers. The number of inliers
     has a Poisson distribution and is at least 10. 50 % of the inliers are near, at 1-4 m, and 50 %
     are far, at 200-1000 m. The rotation is up to 5 degrees about each axis. The translation has a
     random direction and a length of 1 to 5 cm.
 
-    The results of the paper imply such small motions and such distant points. The rotation errors
-    of the paper about x, y and z, (0.0113, 0.0107, 0.0231) deg, have the same ratios as errors from
-    points that are known to be far. If all depths are unknown, the Cramer-Rao bound of the rotation
-    about x and y is 0.026 deg for any depths and any baseline. Far points at 25-35 m would bias the
+    The assumed motions and far points are those that explain the results of the paper. The rotation
+    errors of the paper about x, y and z are (0.0113, 0.0107, 0.0231) deg. These errors have the
+    same ratios as the errors of a rotation from points that are known to be far. If all depths are
+    unknown, the Cramer-Rao bound of the rotation about x and y is 0.026 deg, for any depths and any
+    baseline, which is larger than the errors of the paper. Far points at 25-35 m would bias the
     rotation by more than the errors of the paper. The direction error of the paper, 2.59 deg,
     equals the Cramer-Rao bound for a baseline near 2 cm.
 

@@ -32,13 +32,13 @@ __all__ = [
 ]
 
 CAMERA_HEIGHT_M = 1.65
-_START_M = 14.0  # z of the first position of a drive
+_START_M = 14.0  # z of the first position of all paths except `carried`
 START = np.array([LANE_M, -CAMERA_HEIGHT_M, _START_M])
 _BETWEEN_M = 20.0  # mean z of the positions of a recorded motion
 _LEAST_HEIGHT_M = 1.0
-# From x ahead, y left and z up to x right, y down and z ahead.
+# Rotation from axes x ahead, y left, z up to axes x right, y down, z ahead.
 _CAMERA_FROM_BODY = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
-_STEP_M = 0.05  # spacing of the samples of a route
+_STEP_M = 0.05  # distance between the samples of a route
 _SPEED = 9.0  # m/s on straight streets
 _LATERAL_ACCELERATION = 2.2  # m/s^2 allowed in turns
 _BRAKING_M = 6.0  # length of the minimum filter, and sigma of the Gaussian filter, of the speed
@@ -82,7 +82,7 @@ def street_drive(frames: int, fps: float = 10.0, seed: int = 0) -> Trajectory:
     x, z, yaw, lateral = CubicSpline(along, table)(at).T
     braking = CubicSpline(clock, speed)(times, 1)
     sway = _sway(times, sway_rng)
-    # The body leans out of a turn and dips when it brakes.
+    # The vehicle leans to the outside of a turn, and the front dips under braking.
     pitch = np.radians(sway[0] + 0.25 * braking - 1.0)
     roll = np.radians(sway[1] - 0.35 * lateral)
     aside = 0.15 * np.sin(2.0 * math.pi * at / 47.0 + sway_rng.uniform(0.0, 6.3))
@@ -99,7 +99,9 @@ def street_drive(frames: int, fps: float = 10.0, seed: int = 0) -> Trajectory:
 
 
 def carried(body: Trajectory, start_s: float, frames: int, fps: float) -> Trajectory:
-    """Recorded motion of a hand or a drone, with a camera that looks forward.
+    """Recorded motion of a hand or a drone, moved to the street; the camera looks forward.
+
+    The camera looks along the x axis of the body.
 
     Parameters
     ----------
@@ -147,7 +149,8 @@ def pure_rotation(frames: int, fps: float = 30.0, *, rate_deg_s: float = 20.0) -
     Parameters
     ----------
     rate_deg_s : float
-        Highest rate of the yaw, deg/s. The highest rates of pitch and roll are about 50 % of this.
+        Largest rate of the yaw, deg/s. The largest rates of pitch and roll are about half of this
+        rate.
     """
     times = times_of(frames, fps)
     rate = math.radians(_finite(rate_deg_s, "rate_deg_s"))
@@ -163,7 +166,7 @@ def standing_still(frames: int, fps: float = 30.0) -> Trajectory:
 
 
 def sideways(frames: int, fps: float = 30.0, *, speed_m_s: float = 1.5) -> Trajectory:
-    """Translation along the street at constant speed of a camera that looks sideways."""
+    """Translation along the street at constant speed; the camera looks to the left."""
     times = times_of(frames, fps)
     position = START + times[:, None] * np.array([0.0, 0.0, _finite(speed_m_s, "speed_m_s")])
     turns = np.broadcast_to([-math.pi / 2, 0.0, 0.0], (frames, 3))

@@ -18,7 +18,7 @@ __all__ = ["OutlierKind", "PointScene", "PointSceneOptions", "make_point_scene"]
 
 _BATCH = 4096
 _BATCHES = 50
-_MARGIN_SIGMA = 5.0  # distance of true pixels from the border: noise moves none out of the image
+_MARGIN_SIGMA = 5.0  # distance of true pixels from the image border, in sigma of the noise
 
 
 class OutlierKind(Enum):
@@ -203,7 +203,7 @@ def make_point_scene(
     )
 
 
-# Columns of a match while it is drawn: pixel 0, pixel 1, ray 0, depth.
+# Columns of drawn matches: pixels in image 0, pixels in image 1, rays in camera 0, depths.
 _Columns = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 

@@ -22,7 +22,7 @@ from farpoint.trajectory.files import Trajectory, write_tum
 
 __all__ = ["RenderedSequence", "RenderedView", "render_drive"]
 
-_HIDDEN = 1e-4  # a point is hidden if the ray meets a surface nearer by this share of the distance
+_HIDDEN = 1e-4  # a point is hidden if a surface is nearer by more than this share of the distance
 _ROW_STEPS = 5  # fixed-point iterations for the row in which a point is seen
 
 
@@ -132,7 +132,7 @@ class RenderedSequence:
         delays = self._imaging.exposure_delays_s
         total, depth = np.zeros(shape, np.float32), np.empty(shape)
         radiance, surfaces = np.empty(shape, np.float32), np.empty(shape, np.int64)
-        # The middle of the exposure comes last, so that its depth remains.
+        # The middle of the exposure is rendered last, so that ``depth`` is that of the middle.
         for delay in sorted(delays, key=abs, reverse=True):
             poses = self._poses(index, np.arange(shape[0]), delay)
             render(self._scene, poses, self._rays, self._steps, radiance, depth, surfaces)
@@ -190,7 +190,7 @@ class RenderedSequence:
         write_tum(path, truth)
 
     def _poses(self, index: int, rows: np.ndarray, delay_s: float = 0.0) -> np.ndarray:
-        """Poses (N, 4, 4) of the camera at the read-out times of ``rows`` (N,) plus ``delay_s``."""
+        """Poses (N, 4, 4) of the camera, ``delay_s`` after the times at which ``rows`` are read."""
         if self._motion is None:
             return np.tile(self.world_from_cam[index], (len(rows), 1, 1))
         delays = self._imaging.row_delays_s(rows, self._rays.shape[0]) + delay_s
@@ -222,7 +222,7 @@ class RenderedSequence:
         return distances
 
     def _expose(self, radiance: np.ndarray, depth: np.ndarray, index: int) -> np.ndarray:
-        # Seeded by the frame, so that frames do not depend on those before them.
+        # The seed contains the frame index, so that the noise does not depend on earlier frames.
         rng = np.random.default_rng((self._seed, 2, index))
         phase = 2.0 * math.pi * np.random.default_rng((self._seed, 3)).random()
         swing = math.sin(0.7 * self.timestamps[index] + phase)

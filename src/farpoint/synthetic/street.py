@@ -1,9 +1,9 @@
 """A town around a path: streets in a grid, houses, parked cars, poles, trees, hills and sky.
 
 World axes are x right, y down, z forward, in metres. The ground is y = 0. Streets run along x and
-z, and the middle of each street is at a multiple of `BLOCK_M`. The objects at a place depend only
-on the seed and the place, but objects on the path are left out. Only places near the path are
-built, so the time per frame does not grow with the length of the drive.
+z, and the middle of each street is at a multiple of `BLOCK_M`. The objects in a cell of the town
+depend only on the seed and the cell, but objects on the path are left out. Only cells near the path
+contain objects.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ ROAD_M = 8.0
 LANE_M = 1.9
 """Distance from the middle of the street to the middle of the lane on the right."""
 
-_REACH_M = 150.0  # largest distance from the path of cells with objects
-_CLEARANCE_M = 1.6  # distance from the path without objects
-_GRID_M = 3.0  # cell of the ray caster's grid
+_REACH_M = 150.0  # largest distance of cells with objects from the path
+_CLEARANCE_M = 1.6  # least distance of objects from the path
+_GRID_M = 3.0  # size of a cell of the ray caster's grid
 _ROAD_TEXTURE = 1 + FACADES
 _ROAD_LOG2_WIDTH = 11
-# Distance beyond the houses, and scale of the heights, of each ring of hills.
+# For each ring of hills: distance beyond the town, m, and scale of the heights, m.
 _RINGS_M = ((240.0, 40.0), (600.0, 130.0), (1400.0, 380.0))
 _RING_STEPS = 8192
 
@@ -62,7 +62,7 @@ def build_street(positions: np.ndarray, seed: int) -> Scene:
         for j in range(low[1], high[1]):
             centre = (CELL_M * i, CELL_M * j)
             if near_path.query(centre)[0] < _REACH_M:
-                # Offset, as seeds may not be negative.
+                # The offset 1 << 20 avoids negative seeds, which are invalid.
                 rng = np.random.default_rng((seed, i + (1 << 20), j + (1 << 20)))
                 _furnish(shapes, rng, i, j)
     kept = _clear_of(near_path, shapes)
@@ -127,7 +127,7 @@ def _assemble(
 def _pictures(seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Texels and table of all textures.
 
-    The textures are computed once, because they take longer than the shapes of the town.
+    The result for the last seed is cached, because textures take longer than the shapes of a town.
     """
     rng = np.random.default_rng((seed, 0))
     pictures = [textures.noise(rng)]

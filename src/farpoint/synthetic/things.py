@@ -14,7 +14,7 @@ from farpoint.synthetic.kernels.constants import BOX, CYLINDER, ELLIPSOID
 
 __all__ = ["FACADES", "Shapes", "build_house", "lay_garden", "line_street", "plant_tree"]
 
-_BAY_M = 3.2  # a window and the wall around it, across and up
+_BAY_M = 3.2  # width and height of a window with the wall around the window
 
 FACADES = 4
 """Number of textures of facades, numbered from 1."""
@@ -24,7 +24,8 @@ FACADES = 4
 class Shapes:
     """Table of shapes, with one row for each added shape; see `Blocks` and `Finish`.
 
-    Shapes of one ``thing``, such as the parts of a car, are kept or removed together.
+    ``thing`` is the number of the object to which a shape belongs. The shapes of one object, such
+    as the parts of a car, are kept or removed together.
     """
 
     thing: list[int] = field(default_factory=list)
@@ -80,7 +81,7 @@ def build_house(shapes: Shapes, rng: np.random.Generator, x: float, z: float) ->
 
 
 def lay_garden(shapes: Shapes, rng: np.random.Generator, x: float, z: float) -> None:
-    """Garden with a hedge and a few trees, which are low, so that hills and sky are visible."""
+    """Garden with a hedge and a few trees, all so low that hills and sky are visible."""
     shapes.begin()
     hedge = _plain(rng, 60.0, 95.0, 13.0)
     half_x, half_z = ((5.5, 0.35), (0.35, 5.5))[rng.integers(2)]
@@ -144,7 +145,7 @@ def _park_car(shapes: Shapes, rng: np.random.Generator, x: float, z: float, yaw:
     cos, sin = math.cos(yaw), math.sin(yaw)
 
     def part(along, half_width, half_length, top, paint, bottom) -> None:
-        # The car's own z axis, turned by the yaw of the box.
+        # ``along`` is the offset along the car's own z axis, which the yaw rotates.
         at = (x - sin * along, z + cos * along)
         shapes.box(*at, yaw, half_width, half_length, top, paint, bottom=bottom)
 

@@ -15,10 +15,10 @@ from farpoint.trajectory.files import Trajectory
 __all__ = ["HandheldOptions", "handheld_walk"]
 
 _HEIGHT_M = 1.5
-_FACING_DEG = 35.0  # to the right of the way: houses and parked cars pass by
+_FACING_DEG = 35.0  # mean viewing direction, to the right of the direction of the walk
 _TREMOR_HZ = (1.5, 6.0)
 _LOOK_HZ = (0.25, 0.6)
-_WAVES = 3  # of each motion, at unrelated frequencies
+_WAVES = 3  # number of sinusoids, at random frequencies, in each oscillation
 
 
 @dataclass(frozen=True, kw_only=True)

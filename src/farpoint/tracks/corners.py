@@ -19,9 +19,9 @@ def find_corners(
     options: CornerOptions,
     mask: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Detect new corners in image cells with few tracks.
+    """Detect new corners, first in the image cells with the fewest tracks.
 
-    Each new corner is the strongest candidate of the cell with the fewest points.
+    Within a cell, stronger corners come first.
 
     Parameters
     ----------
@@ -58,10 +58,11 @@ def find_corners(
 def thin_out(
     points: np.ndarray, occupied: np.ndarray, reach: int, count: int | None = None
 ) -> np.ndarray:
-    """Indices of points outside the ``occupied`` mask, bool (H, W), in the order of the points.
+    """Indices of the points that keep a distance from each other and from occupied pixels.
 
-    Every accepted point marks a square of half width ``reach`` as occupied. The function stops
-    after ``count`` accepted points.
+    The points are tested in their order. A point is accepted if its pixel is not ``occupied``, bool
+    (H, W). Every accepted point marks a square of half width ``reach`` as occupied. The function
+    stops after ``count`` accepted points.
     """
     limit = len(points) if count is None else count
     kept = np.empty(len(points), np.int64)
@@ -72,7 +73,7 @@ def thin_out(
 def _local_maxima(
     image: np.ndarray, border: int, occupied: np.ndarray, options: CornerOptions
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels (M, 2) and strengths (M,) of the local maxima of corner strength."""
+    """Pixels (M, 2) and strengths (M,) of local maxima of corner strength that are not occupied."""
     strength = np.empty(image.shape, np.float32)
     corner_strength(np.ascontiguousarray(image), options.block_px, strength)
     reach = max(1, options.min_distance_px // 2)
@@ -90,7 +91,7 @@ def _rank_in_cell(
     shape: tuple[int, int],
     cell_px: int,
 ) -> np.ndarray:
-    """Number of points and stronger candidates in the cell of each candidate."""
+    """For each candidate, the number of points plus stronger candidates in the same cell."""
     columns = -(-shape[1] // cell_px)
     rows = -(-shape[0] // cell_px)
 

@@ -30,14 +30,14 @@ __all__ = ["DefectivePixels"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Suspects:
-    """Suspects: pixels brighter or darker than all pixels of a ring around them.
+    """Pixels that may be defective: brighter or darker than all pixels of a surrounding ring.
 
     Attributes
     ----------
     indices : ndarray of int64, shape (N,)
         Flat index of the pixel: row times width plus column.
     scores : ndarray of float64, shape (N,)
-        Log likelihood ratio between a defective pixel and scene content.
+        Log likelihood ratio of the two explanations "defective pixel" and "scene content".
     displacements : ndarray of float64, shape (N, 2)
         Image motion at the pixel since the last test of the pixel, px.
     defective : ndarray of bool, shape (N,)
@@ -59,16 +59,18 @@ class _Suspects:
 
 
 class DefectivePixels:
-    """Detect pixels that stand out while the image moves, and repair them.
+    """Detects defective pixels, which stand out even while the image moves, and repairs them.
 
-    A pixel stands out if all pixels of a ring around the pixel are darker, or all are brighter.
-    Scene content can stand out, too, but not at the same pixel after an image motion of 1 px. A
-    pixel that stands out is a suspect. A suspect is tested again whenever nearby tracks have moved
-    by 1 px since the last test of the suspect. Each test adds a log likelihood ratio (sequential
-    test: A. Wald, 1945, doi:10.1214/aoms/1177731118). A defect is assumed to stand out with a
-    probability of 0.8, and a pixel without a defect as often as the average pixel of the image.
+    A pixel stands out if the 16 pixels of the square ring around the pixel (5 px wide) are all
+    darker, or all brighter, by at least 6 grey levels. Scene content can stand out, too, but
+    usually not at the same pixel after an image motion of 1 px. A pixel that stands out becomes a
+    suspect. A suspect is tested again whenever the image has moved by 1 px at the suspect since the
+    last test. Each test adds a log likelihood ratio (sequential test: A. Wald, 1945,
+    doi:10.1214/aoms/1177731118). A defective pixel is assumed to stand out with a probability of
+    0.8, any other pixel with a probability equal to the share of pixels of the image that stand
+    out.
 
-    A repair replaces the defective pixel and its eight neighbours by values interpolated from the
+    A repair replaces the defective pixel and the eight neighbours by values interpolated from the
     ring.
     """
 
@@ -76,7 +78,7 @@ class DefectivePixels:
         self._suspects = _no_suspects()
         self._images = 0
         self._shape = (0, 0)
-        self._near_suspects = np.empty((0, 0), bool)  # reused: allocation costs more than clearing
+        self._near_suspects = np.empty((0, 0), bool)  # buffer, because allocation is slow
 
     @property
     def pixels(self) -> np.ndarray:
@@ -105,8 +107,8 @@ class DefectivePixels:
         rate = min(max(len(indices), 1) / image.size, 0.5)
         known = self._suspects
         seen = outstanding[known.indices]
-        # Suspects that no longer stand out were scene content, unless already classified as
-        # defects.
+        # A suspect that does not stand out was scene content, unless the suspect is already
+        # classified as defective.
         known, seen = known.select(seen | known.defective), seen[seen | known.defective]
         known = self._scored(known, seen, rate, tracks)
         outstanding[known.indices] = False
@@ -116,9 +118,9 @@ class DefectivePixels:
     def _scored(self, known: _Suspects, seen: np.ndarray, rate: float, tracks: Tracks) -> _Suspects:
         """The suspects with updated scores.
 
-        A suspect is tested if the image motion since its last test is 1 px or more. ``seen`` marks
-        the suspects that stand out, and ``rate`` is the share of pixels of the image that stand
-        out.
+        The score of a suspect changes only if the image motion since the last test of the suspect
+        is 1 px or more. ``seen`` marks the suspects that stand out in the current image, and
+        ``rate`` is the share of the pixels of the image that stand out.
         """
         displacements = known.displacements + self._motion_at(known.indices, tracks)
         tested = np.hypot(*displacements.T) >= MIN_MOTION_PX
@@ -135,9 +137,9 @@ class DefectivePixels:
         )
 
     def _motion_at(self, indices: np.ndarray, tracks: Tracks) -> np.ndarray:
-        """Image motion (N, 2), px, at pixels given by flat index: the median of the nearest tracks.
+        """Image motion (N, 2), px, at suspects given by flat index: median of the nearest tracks.
 
-        Tracks within 5 px of a suspect are excluded, because such tracks may follow the defect
+        Tracks within 5 px of any suspect are excluded, because such tracks may follow a defect
         instead of the scene.
         """
         if len(indices) == 0 or len(tracks) < MOTION_NEIGHBOURS:
@@ -165,7 +167,7 @@ class DefectivePixels:
         result = np.array(image, order="C")
         values, width = result.reshape(-1), image.shape[1]
         ring, inner = (indices[:, None] + v * width + u for v, u in (_RING_AT.T, _INNER_AT.T))
-        for _ in range(2):  # twice: the first pass may interpolate from a neighbouring defect
+        for _ in range(2):  # in the first pass, a ring may still contain another defect
             values[inner] = np.rint(values[ring] @ _INTERPOLATION).astype(np.uint8)
         return result
 
@@ -180,7 +182,7 @@ def _no_suspects() -> _Suspects:
 
 
 def _merged(known: _Suspects, new: np.ndarray, score: float) -> _Suspects:
-    """Append new suspects."""
+    """The known suspects, and new suspects with the given score."""
     count = len(new)
     return _Suspects(
         indices=np.concatenate([known.indices, new]),
@@ -191,7 +193,7 @@ def _merged(known: _Suspects, new: np.ndarray, score: float) -> _Suspects:
 
 
 def _outstanding(image: np.ndarray) -> np.ndarray:
-    """Mask (H, W) of pixels brighter, or darker, than all pixels of the ring around them."""
+    """Mask (H, W) of pixels that are brighter, or darker, than all pixels of their ring."""
     cv2 = optional_import("cv2", extra="video", purpose="tracking")
     kernel = np.ones((2 * DEFECT_RING_PX + 1, 2 * DEFECT_RING_PX + 1), np.uint8)
     kernel[1:-1, 1:-1] = 0
@@ -209,9 +211,9 @@ def _offsets(reach: int) -> np.ndarray:
 
 
 def _interpolation() -> np.ndarray:
-    """Weights of the ring pixels for each inner pixel, shape (ring, inner).
+    """Weights (16, 9) with which the pixels of the ring give the pixels inside the ring.
 
-    Each inner pixel is the mean of a horizontal and a vertical linear interpolation.
+    A pixel inside is the mean of a horizontal and a vertical linear interpolation.
     """
     weights = np.zeros((len(_RING_AT), len(_INNER_AT)))
     at = {(int(v), int(u)): k for k, (v, u) in enumerate(_RING_AT)}

@@ -30,11 +30,13 @@ def track_points(
 
     Every point is tracked forward and backward (Kalal et al., "Forward-Backward Error", ICPR 2010,
     doi:10.1109/ICPR.2010.675). The backward pass starts at ``points0 + (points1 - start)``, so that
-    both passes have the same initial error. If the backward pass started at ``points0``, a wrong
-    match could pass the check without any iteration.
+    the initial errors of both passes have the same length. If the backward pass started at
+    ``points0``, where a perfect backward pass ends, a wrong match could pass the check without any
+    iteration.
 
-    A subset of the points, the probes, is tracked first, from the coarsest level. The 0.9 quantile
-    of the probes' distances from ``start`` selects the level at which the other points start.
+    A subset of the points, the probes, is tracked first, from the coarsest level. The displacement
+    of a probe is the distance between ``start`` and the position found. The 0.9 quantile of the
+    displacements selects the pyramid level at which the other points start.
 
     Parameters
     ----------
@@ -70,9 +72,9 @@ def track_points(
 
 
 def _start_level(offsets: np.ndarray, coarsest: int, options: LucasKanadeOptions) -> int:
-    """Pyramid level whose window covers the displacements (N, 2) of the probes.
+    """Finest level whose window is large enough for the displacements ``offsets`` (N, 2) of probes.
 
-    NaN marks the displacement of a lost probe.
+    The displacement of a probe that was not found is NaN.
     """
     offset_px = np.linalg.norm(offsets, axis=1)
     offset_px = offset_px[~np.isnan(offset_px)]

@@ -20,14 +20,14 @@ class CornerOptions:
     cell_px : int
         Side of the image cells, px. New tracks are placed in the cells with the fewest tracks.
     min_distance_px : int
-        Least distance of a new track from every other track, px: the larger of the distances along
-        the two image axes.
+        Least distance of a new track from every other track, px. The distance is the larger of the
+        distances along the two image axes.
     block_px : int
         Width of the window of the structure tensor, px.
     min_slope : float
-        Least RMS gradient of the window of a corner, in the direction in which the RMS gradient is
-        smallest, grey levels per px. Image noise of standard deviation s has an RMS gradient of
-        about 0.43 s.
+        Least root mean square gradient in the window of a corner, grey levels per px, along the
+        direction in which the root mean square gradient is smallest. For image noise of standard
+        deviation s this gradient is about 0.43 s.
     """
 
     cell_px: int = 64
@@ -51,14 +51,14 @@ class LucasKanadeOptions:
     window_px : int
         Width of the matched window, px, odd.
     levels : int
-        Number of times the image is halved. Motion up to about ``window_px / 2 * 2**levels`` px is
-        tracked.
+        Largest number of times the image is halved. The tracker follows motions up to about
+        ``window_px / 2 * 2**levels`` px.
     max_iterations : int
         Largest number of iterations at each level.
     tolerance_px : float
-        Iterations end below this step, px.
+        The iterations of a level end with a step below this length, in px of the level.
     forward_backward_px : float
-        Limit of the forward-backward error, px.
+        Largest forward-backward error of a match, px.
     """
 
     window_px: int = 11
@@ -86,18 +86,20 @@ class RefinementOptions:
     max_iterations : int
         Largest number of iterations.
     tolerance_px : float
-        Iterations end below this step, px.
+        The iterations end with a step below this length, px.
     affine_sigma : float
-        Prior 1-sigma of every element of the window's linear distortion (scale, shear, turn).
+        Prior 1-sigma of the deviation of each of the four elements of the affine warp from the
+        expected warp.
     gain_sigma : float
         Prior 1-sigma of the relative change of contrast.
     offset_sigma : float
         Prior 1-sigma of the change of brightness, grey levels.
     noise_floor : float
-        Least 1-sigma of the difference of two windows, grey levels. If the residual is larger, the
-        residual is used as the 1-sigma.
+        Lower bound of the noise of a residual (1-sigma), grey levels. The noise is the root mean
+        square residual of the two windows, or this bound if larger.
     max_shift_px : float
-        Largest shift by the refinement, px. Matches with a larger shift are rejected.
+        Largest distance, px, between the position before and after the refinement. Matches with a
+        larger distance are rejected.
     min_correlation : float
         Least normalised correlation of the two windows of a match, -1 to 1.
     """

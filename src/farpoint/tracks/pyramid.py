@@ -44,8 +44,8 @@ class Pyramid:
 def build_pyramid(image: np.ndarray, options: LucasKanadeOptions) -> Pyramid:
     """Build an image pyramid of at most ``options.levels`` halvings.
 
-    Width and height of the coarsest level are at least those of a window. Pixel (0, 0) shows the
-    same point at every level (Burt and Adelson 1983, doi:10.1109/TCOM.1983.1095851).
+    The coarsest level is not smaller than the window. Pixel (0, 0) shows the same point at every
+    level (Burt and Adelson 1983, doi:10.1109/TCOM.1983.1095851).
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ __all__ = ["refine", "window_reach"]
 
 
 def window_reach(options: RefinementOptions) -> int:
-    """Least distance from the image border, px, for the window and its gradients."""
+    """Least distance of a window's centre from the image border, px; includes the gradients."""
     return options.window_px // 2 + 2
 
 
@@ -35,17 +35,18 @@ def refine(
     """Refine positions in ``image1`` to sub-pixel precision, and estimate their covariances.
 
     A window is matched under an affine warp, a gain and an offset, and each of the three has a
-    normal prior. Without the warp, matches on approaching or turning surfaces err by 0.1 px. On
-    real drives the warp reduces epipolar residuals by about 40 %.
+    normal prior. Without the warp, matches on surfaces that approach or rotate have errors of 0.1
+    px. On real drives the warp reduces epipolar residuals by about 40 %.
 
-    The covariance is the sandwich estimate ``H^-1 M H^-1``. H is the normal matrix of the window's
-    gradients and of the priors. M is the second moment of gradient times residual. The products are
-    summed over blocks of pixels first, because residuals of neighbouring pixels are correlated. The
-    variances of the priors and of the interpolation are added. If the second image is blurred more
-    or less than the first, the gradients of the second image differ from those in H. The response R
-    (2, 2), the derivative of the estimated displacement by the true displacement, then differs from
-    the identity. R is computed from both windows of each match. With the median R of the matches,
-    ``inv(R) C inv(R).T`` replaces the covariance C.
+    The covariance C is the sandwich estimate ``H^-1 M H^-1``. H is the normal matrix of the
+    window's gradients and of the priors. M is the second moment of the products of gradient and
+    residual. The products are first summed over blocks of pixels, because residuals of neighbouring
+    pixels are correlated. The contributions of the priors and of the interpolation are added.
+
+    If the second image is blurred more or less than the first, the gradients of the second image
+    differ from the gradients in H. The response R (2, 2), the derivative of the estimated
+    displacement by the true displacement, then differs from the identity. R is computed from both
+    windows of each match. With the median R of all matches, ``inv(R) C inv(R).T`` replaces C.
 
     Parameters
     ----------
@@ -58,20 +59,19 @@ def refine(
     options : RefinementOptions
         Window, priors and limits.
     warps : ndarray of float64, shape (N, 2, 2), optional
-        Initial warps: expected derivatives of ``points1`` by ``points0``. The derivatives differ
-        from the identity, e.g., for a wide lens or a rotation about the optical axis. Default:
-        identity.
+        Expected derivatives of ``points1`` by ``points0``: initial warps and means of the prior of
+        the warps. Default: identity.
 
     Returns
     -------
     points1 : ndarray of float64, shape (N, 2)
         Pixels in ``image1``.
     covariance_px2 : ndarray of float64, shape (N, 2, 2)
-        Covariance of ``points1`` given ``points0``, px^2; NaN if the point is not found.
+        Covariance of ``points1`` if ``points0`` is exact, px^2; NaN without a match.
     found : ndarray of bool, shape (N,)
-        Whether correlation and shift are within the limits.
+        Whether there is a match whose correlation and shift are within the limits of ``options``.
     windows : Windows
-        Affine warps of the windows, and the bias of matches due to quadratic motion.
+        Affine warps of the windows, and biases of the matches due to quadratic motion.
     """
     count = len(points0)
     matched = np.array(points1, dtype=np.float64)
@@ -98,19 +98,19 @@ def refine(
 
 
 def _precision(options: RefinementOptions) -> np.ndarray:
-    """Inverse prior variances: 2 zeros for the displacement, 4 for the warp, gain, offset."""
+    """Inverse prior variances (8,): displacement (2, zero), warp (4), gain and offset."""
     sigma = [np.inf] * 2 + [options.affine_sigma] * 4 + [options.gain_sigma, options.offset_sigma]
     return 1.0 / np.square(sigma)
 
 
 def _with_response(covariance_px2: np.ndarray, responses: np.ndarray) -> np.ndarray:
-    """Covariances (N, 2, 2) of matches, given the responses (M, 2, 2) of the usable matches.
+    """Covariances (N, 2, 2) of matches, corrected with the responses (M, 2, 2) of found matches.
 
-    The response R is the derivative of the estimated displacement by the true displacement. A match
-    has the covariance ``inv(R) C inv(R).T``, where C assumes that both images have the same
-    gradients. If the blur changes between the images, the gradients along the blur change. This
-    change is common to all windows, in contrast to the noise of a single response. The median
-    response is therefore used for all matches.
+    The response R is the derivative of the estimated displacement by the true displacement. If the
+    blur changes between the images, R is not the identity, and the covariance of a match is
+    ``inv(R) C inv(R).T`` instead of the given C. The effect of the blur on R is similar in all
+    windows, while the R of a single window has a large error. The median R is therefore used for
+    all matches.
     """
     if len(responses) == 0 or not np.isfinite(responses).all():
         return covariance_px2

@@ -16,8 +16,8 @@ __all__ = ["trackable_region", "unmasked_region"]
 def trackable_region(camera: Camera, options: TrackerOptions | None = None) -> np.ndarray | None:
     """Mask of pixels whose matching window lies within the lens' field; None for all pixels.
 
-    The edge of a fisheye's image circle has a strong contrast and does not move with the scene, so
-    windows that contain this edge measure no motion.
+    The edge of a fisheye's image circle has a strong contrast and does not move with the scene. A
+    window that contains this edge would be matched at the same pixel in every image.
 
     Parameters
     ----------
@@ -41,7 +41,8 @@ def trackable_region(camera: Camera, options: TrackerOptions | None = None) -> n
     if seen.all():
         return None
     blind = (~seen).astype(np.uint8).repeat(FIELD_STEP_PX, axis=0).repeat(FIELD_STEP_PX, axis=1)
-    # Each sample covers the 4 px after it; dilation by 4 px covers those before it.
+    # Each sample stands for the 4 px to its right and below. The dilation by 4 px adds the pixels
+    # to its left and above.
     apart = _apart_from(blind, _window_px(options) + FIELD_STEP_PX)
     return apart[FIELD_STEP_PX : FIELD_STEP_PX + height, FIELD_STEP_PX : FIELD_STEP_PX + width]
 
@@ -49,9 +50,9 @@ def trackable_region(camera: Camera, options: TrackerOptions | None = None) -> n
 def unmasked_region(mask: np.ndarray, options: TrackerOptions | None = None) -> np.ndarray:
     """Pixels whose matching window, at the finest level, lies inside a mask.
 
-    The mask is eroded by the larger of `window_reach` and the reach of the corner detector's
-    window. Windows of coarser pyramid levels can reach outside the mask, but coarser levels only
-    initialise the refinement.
+    The mask is eroded by the larger of `window_reach` and `CornerOptions.block_px`. Windows of
+    coarser pyramid levels can reach outside the mask, but coarser levels only give the initial
+    positions of the refinement.
 
     Parameters
     ----------
@@ -68,7 +69,7 @@ def unmasked_region(mask: np.ndarray, options: TrackerOptions | None = None) -> 
 
 
 def _window_px(options: TrackerOptions | None) -> int:
-    """Half width, px, of the image patch that a match uses at the finest level."""
+    """Half width, px, of the image patch that detection and matching use at the finest level."""
     options = options or TrackerOptions()
     return max(window_reach(options.refinement), options.corners.block_px)
 

@@ -1,4 +1,4 @@
-"""Row-wise gain changes, as flickering mains light causes them under a rolling shutter."""
+"""Changes of brightness by row, which flickering light causes with a rolling shutter."""
 
 from __future__ import annotations
 
@@ -26,20 +26,21 @@ __all__ = ["normalize_rows", "remove_row_gains", "row_gains"]
 def normalize_rows(image: np.ndarray) -> np.ndarray:
     """Scale the rows of an image (H, W), uint8, so that all rows have the same mean.
 
-    The scaling removes the gains of rows, but also all image content that is constant along rows.
-    The result therefore serves for coarse tracking only.
+    The scaling removes the gains of rows, but also the differences of brightness between rows of
+    the scene. The result is therefore used for coarse tracking only.
     """
     means = np.maximum(image.mean(axis=1), 1.0)
     return np.clip(np.rint(image * (110.0 / means[:, None])), 0, 255).astype(np.uint8)
 
 
 def row_gains(before: Pyramid, after: Pyramid, tracks: Tracks) -> np.ndarray | None:
-    """Gain (H,) of each row of ``after`` over ``before``; None if the gain does not vary by row.
+    """Gain (H,) of each row of ``after`` relative to ``before``; None if no gain by row is found.
 
-    Each track gives the log ratio of the local mean grey values in ``after`` and ``before``. This
-    log ratio is predicted by the median of the tracks in neighbouring rows, and by the median of
-    all tracks. Row gains are fitted if the median absolute error of the first prediction is at most
-    0.6 of that of the second.
+    For each track, the log ratio of the grey values in ``after`` and ``before`` is compared with
+    two predictions: the median log ratio of the tracks in neighbouring rows, and the median log
+    ratio of all tracks. Row gains are fitted if the median absolute error of the first prediction
+    is at most 0.6 times the median absolute error of the second prediction. The gains are relative
+    to the median gain of all tracks.
     """
     if len(tracks) < MIN_ROW_TRACKS:
         return None
@@ -73,11 +74,14 @@ def remove_row_gains(image: np.ndarray, gains: np.ndarray) -> np.ndarray:
 
 
 def _means(pyramid: Pyramid, points: np.ndarray) -> np.ndarray:
-    """Grey values (N,) of level 1, interpolated bilinearly at points (N, 2) of level 0."""
+    """Grey values (N,) of pyramid level 1 at points (N, 2), by bilinear interpolation.
+
+    The points are given in pixels of level 0.
+    """
     level = min(BRIGHTNESS_LEVEL, len(pyramid.layout) - 1)
     origin, stride, width, height = pyramid.layout[level].tolist()
     at = points / 2**level
-    # Beyond the last pixel the border of the level is read.
+    # At the last row or column, the neighbours are in the border around the level.
     corner = np.floor(at).astype(np.int64).clip(0, [width - 1, height - 1])
     across, down = (at - corner).clip(0.0, 1.0).T
     first = origin + corner[:, 1] * stride + corner[:, 0]

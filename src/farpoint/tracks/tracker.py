@@ -40,13 +40,13 @@ class _Reference:
 class Tracker:
     """Tracks corners through a sequence of images.
 
-    `match` finds the tracks of a reference image in a new image and leaves the tracker unchanged.
-    The caller then has three choices: make the new image the next reference and keep the inlier
-    tracks (`advance`), make the new image the next reference with new tracks (`restart`), or keep
-    the old reference. `track` calls `match` and then `advance`.
+    `match` finds the tracks of a reference image in a new image and keeps the reference. The caller
+    then has three choices: make the new image the reference and keep the inlier tracks (`advance`),
+    make the new image the reference with new tracks (`restart`), or keep the old reference. `track`
+    calls `match` and then `advance`.
 
     Hot and dead pixels are detected and interpolated (`DefectivePixels`). Gains that vary from row
-    to row, as flickering mains light causes them under a rolling shutter, are estimated and removed
+    to row, which flickering light causes with a rolling shutter, are estimated and removed
     (`row_gains`).
 
     The same images, options and calls give the same tracks, bit for bit.
@@ -75,9 +75,10 @@ class Tracker:
         self._mask = None if mask is None else _checked_mask(mask)
         self._defects = DefectivePixels()
         self._reference: _Reference | None = None
-        # Pyramid of the last matched image, and its row gains over the reference.
+        # Pyramid of the last matched image, and row gains of this image relative to the reference.
         self._matched: tuple[Pyramid, np.ndarray | None] | None = None
-        self._images_averaged = 1  # images over which the reference's row gains are averaged
+        # Number of images over which the row brightness of the reference is averaged.
+        self._images_averaged = 1
         self._next_id = 0
 
     @property
@@ -97,7 +98,7 @@ class Tracker:
         return tracks
 
     def match(self, image: np.ndarray, predict: Predict | None = None) -> Tracks:
-        """Find the reference's tracks in an image; the tracker stays unchanged.
+        """Find the reference's tracks in an image. The reference does not change.
 
         Parameters
         ----------
@@ -105,9 +106,9 @@ class Tracker:
             Grey values.
         predict : callable, optional
             Maps pixels (N, 2) of the reference to expected pixels (N, 2) in the image; NaN if
-            unknown. The function is also called with neighbouring pixels, to find the expected
-            warps. If fewer than half of the tracks are found, they are matched once more without a
-            prediction, and the result with more tracks is returned.
+            unknown. The function is also called with neighbouring pixels, to compute expected
+            warps. If fewer than half of the tracks are found, all tracks are matched again without
+            the prediction, and the result with more tracks is returned.
 
         Returns
         -------
@@ -149,7 +150,7 @@ class Tracker:
     def _match_normalized_rows(
         self, reference: _Reference, pyramid: Pyramid, predict: Predict | None
     ) -> Tracks:
-        """Match images with normalised rows, for cases in which row gains make most tracks fail."""
+        """Match images with normalised rows, because row gains may have made most tracks fail."""
         even0, even1 = (
             build_pyramid(normalize_rows(level.image), self.options.matching)
             for level in (reference.pyramid, pyramid)
@@ -161,7 +162,7 @@ class Tracker:
     ) -> Tracks:
         tracks = self._match(reference, pyramid, *_predicted(predict, reference.points))
         if predict is not None and 2 * len(tracks) < len(reference.ids):
-            # Without the prediction, which may be wrong.
+            # The prediction may be wrong.
             unpredicted = self._match(reference, pyramid, *_predicted(None, reference.points))
             tracks = max(tracks, unpredicted, key=len)
         return tracks
@@ -175,8 +176,8 @@ class Tracker:
     def advance(self, image: np.ndarray, tracks: Tracks) -> None:
         """Make ``image`` the reference with the given tracks.
 
-        New tracks are added up to `TrackerOptions.max_tracks`. If several tracks have converged to
-        one point, only the oldest track is kept.
+        New tracks are added up to `TrackerOptions.max_tracks`. If tracks have come as close as half
+        of `CornerOptions.min_distance_px`, only the oldest of these tracks is kept.
 
         Parameters
         ----------
@@ -209,17 +210,17 @@ class Tracker:
         self.advance(image, Tracks.empty())
 
     def _pyramid_of(self, image: np.ndarray) -> Pyramid:
-        """Pyramid of the image. A pyramid that `match` has built is reused."""
+        """Pyramid of an image that becomes the reference. A pyramid from `match` is reused."""
         matched, self._matched = self._matched, None
-        # Compared by value: a caller may reuse the same array for the next image.
+        # The images are compared by value, because a caller may reuse an array for the next image.
         if matched is None or not np.array_equal(matched[0].image, image):
             self._images_averaged = 1
             return build_pyramid(image, self.options.matching)
         pyramid, gains = matched
         if gains is None:
             return pyramid
-        # The row brightness of the reference becomes the geometric mean over the images so far.
-        # Moving bands then average out, and errors of the gains do not accumulate.
+        # The row brightness of the new reference is the geometric mean over the last images, so
+        # that moving bands average out and errors of the gains do not accumulate.
         self._images_averaged = min(self._images_averaged + 1, MAX_AVERAGED_IMAGES)
         gains = gains ** (1.0 - 1.0 / self._images_averaged)
         return build_pyramid(remove_row_gains(image, gains), self.options.matching)
@@ -278,11 +279,11 @@ class Tracker:
 def _subpixel_offsets(ids: np.ndarray) -> np.ndarray:
     """Low-discrepancy offsets (N, 2), -0.5 to 0.5 px, of new tracks.
 
-    Interpolation biases a match by up to 0.02 px, depending on the sub-pixel phases of the window
-    in both images. If all tracks started on whole pixels, all matches would have the same bias, and
-    covariances of single matches do not contain a common error.
+    Interpolation biases a match by up to 0.02 px, depending on the sub-pixel positions of the
+    window in both images. Tracks that start at whole pixels would have similar biases, and the
+    covariances of single matches do not include such a common error.
     """
-    # Roberts' R2 sequence: the plastic number's reciprocal and its square.
+    # Roberts' R2 sequence: the reciprocal of the plastic number, and the square of the reciprocal.
     return ((ids[:, None] + 1) * np.array([0.7548776662466927, 0.5698402909980532])) % 1.0 - 0.5
 
 
@@ -315,7 +316,7 @@ def _size(image: np.ndarray) -> str:
 
 
 def _predicted(predict: Predict | None, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Expected pixels (N, 2) of points (N, 2), and derivatives (N, 2, 2) by the points."""
+    """Expected pixels (N, 2) of points (N, 2), and derivatives (N, 2, 2) of the expected pixels."""
     warps = np.broadcast_to(np.eye(2), (len(points), 2, 2)).copy()
     if predict is None:
         return points, warps

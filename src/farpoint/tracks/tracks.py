@@ -18,9 +18,10 @@ class Windows:
     warps : ndarray of float64, shape (N, 2, 2)
         Affine warps: derivatives of ``Tracks.points1`` by ``Tracks.points0``.
     quadratic_bias : ndarray of float64, shape (N, 2, 2, 3)
-        Bias of a match, px, due to quadratic motion within the window. Element ``[a, b, c]`` is the
-        bias along axis a if the motion along axis b contains the term ``u^2``, ``u v`` or ``v^2``
-        (c = 0, 1, 2) with coefficient 1. ``u`` and ``v`` are pixels from the window's centre.
+        Bias of each match, px, if the motion of the pixels in the window is quadratic in their
+        position. Element ``[n, a, b, c]`` is the bias of match n along axis a if the motion along
+        axis b contains the term ``u^2``, ``u v`` or ``v^2`` (c = 0, 1, 2) with coefficient 1. ``u``
+        and ``v`` are the offsets from the window's centre, px.
     """
 
     warps: np.ndarray
@@ -38,14 +39,14 @@ class Tracks:
     Attributes
     ----------
     ids : ndarray of int64, shape (N,)
-        Id of each track. In all frames the same id means the same scene point.
+        Id of each track. A track keeps its id in all frames.
     points0, points1 : ndarray of float64, shape (N, 2)
         Pixel positions in the earlier and the later frame.
     covariance_px2 : ndarray of float64, shape (N, 2, 2)
-        Covariance of ``points1`` given ``points0``, px^2, from image gradients and residuals.
+        Covariance of ``points1`` if ``points0`` is exact, px^2, from image gradients and residuals.
     windows : Windows or None
-        Deformations of the matched windows. None if `points1` was corrected for the deformations,
-        or if a match was chained from several matches.
+        Deformations of the matched windows. None if `points1` has been corrected for the
+        deformations, or if the matches are chains of several matches.
     """
 
     ids: np.ndarray

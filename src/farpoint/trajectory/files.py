@@ -39,10 +39,10 @@ QuaternionOrder = Literal["xyzw", "wxyz"]
 
 _HEADER_LINES = 20  # number of first lines that may contain the names of the columns
 _UNIT_TOLERANCE = 1e-2  # files round rotations to as few as four digits
-_MAX_POSITION = 1e12  # in the unit of the file; the rounding error of its square is about 1e8
+_MAX_POSITION = 1e12  # in the unit of the file; a larger number is taken as an error in the file
 _NANOSECOND_DIGITS = 15  # a whole number of 15 digits or more in column 1 is a time in nanoseconds
 _LARGEST_BYTES = 1 << 30
-_MOST_POSES = 4_000_000  # in memory at once: a gigabyte; 5 hours at 200 poses a second
+_MOST_POSES = 4_000_000  # 5 hours at 200 poses per second; about 1 GB of memory
 _BLOCK = 4096
 _BOTTOM_ROW = (0.0, 0.0, 0.0, 1.0)
 _SEPARATOR = re.compile(r"\s*[,;]\s*|\s+")
@@ -75,8 +75,9 @@ def read_trajectory(path: str | Path, quaternion: QuaternionOrder | None = None)
     path : str or Path
         The file.
     quaternion : {"xyzw", "wxyz"}, optional
-        Order of the quaternions in the file. By default the names of the columns give the order, if
-        the file has any. Otherwise w is first in EuRoC files and last in TUM files.
+        Order of the elements of the quaternions in the file. By default the names of the columns
+        give the order, if the file names its columns. Otherwise w is first in EuRoC files and last
+        in TUM files.
 
     Raises
     ------
@@ -111,7 +112,8 @@ def read_tum(path: str | Path) -> Trajectory:
 def iter_tum(path: str | Path, *, whole_lines: bool = False) -> Iterator[tuple[float, np.ndarray]]:
     """Time and pose (4, 4) of each row of a TUM file, one at a time.
 
-    With ``whole_lines`` an incomplete last line is left out, such as the last line of a killed run.
+    With ``whole_lines`` a last line without a line end is left out, because the program that wrote
+    the file may have been killed within the line.
     """
     return _tum(Path(path), "xyzw", whole_lines)
 
@@ -143,7 +145,7 @@ def _euroc(path: Path, order: QuaternionOrder) -> Iterator[tuple[float, np.ndarr
 
 
 def named_order(path: Path) -> QuaternionOrder | None:
-    """Order of the quaternions by the names of the columns; None if the file names no columns."""
+    """Order of the quaternions by the names of the columns; None without names of qw and qx."""
     for _, w, x in _named_places(path):
         return "wxyz" if w < x else "xyzw"
     return None

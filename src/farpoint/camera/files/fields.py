@@ -171,7 +171,7 @@ def _flat(value: Any) -> list[Any]:
 
 
 def _hides_groups(value: Any) -> bool:
-    """Whether a value has fields among its numbers, or in place of the numbers."""
+    """Whether a value is or contains a mapping that is no matrix (numbers under ``data``)."""
     if isinstance(value, Mapping):
         return "data" not in value or _hides_groups(value["data"])
     return isinstance(value, list) and any(

@@ -329,7 +329,7 @@ def _names_opencv_fisheye(key: str, value: object) -> bool:
 
 
 def _is_fisheye_flag(fields: Fields, key: str) -> bool:
-    """Value of a flag that tells whether the lens is a fisheye."""
+    """Whether a field, which must be a flag, marks the lens as a fisheye."""
     word = fields.text(key).lower()
     if word in ("true", "yes", "on", "1", "1.0", "1."):
         return True

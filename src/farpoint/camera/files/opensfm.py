@@ -98,7 +98,7 @@ def _lens(camera: Fields, kind: str, size: tuple[int, int]) -> CameraModel:
 
 
 def _either(camera: Fields) -> str:
-    """The lens of a model between fisheye and pinhole, which must be exactly one of the two."""
+    """Lens of the model ``dual``, a blend of fisheye and pinhole, which must be one of the two."""
     transition = camera.number("transition") if "transition" in camera else 0.5
     if transition not in (0.0, 1.0):
         raise camera.error(

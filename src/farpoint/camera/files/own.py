@@ -142,7 +142,7 @@ def _model(fields: Fields) -> LensModel:
 
 
 def _with_uncertainty(camera: Camera, fields: Fields) -> Camera:
-    """The camera with the file's covariance, or else sigmas, or else general terms."""
+    """The camera with the file's covariance, or else its sigmas, or else its `TERMS`."""
     if "covariance" in fields:
         group = fields.group("covariance")
         expected = list(camera.model.refinable().parameters)

@@ -25,7 +25,8 @@ LENS_WORDS = re.compile(
 )
 """Names of fields that look like a property of a lens."""
 
-# Keys, in lower case without separators, with any value (first) or one number or word (second).
+# Keys, in lower case without separators, of a property of a lens: with any value (first pattern),
+# or with a single number or word as the value (second pattern).
 _OF_A_LENS = re.compile(
     r".*(?:distort|distcoef|coef|fisheye|omnidir|skew|poly|division|lambda|radial|tangential|prism"
     r"|refract|anamorphic|squeeze|lens(?:fun|profile|param|corr)|undist|remap|lookup|binning|crop"

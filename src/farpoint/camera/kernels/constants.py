@@ -1,7 +1,7 @@
-"""Every number of the kernels of lens models that has a name: unit, meaning and origin.
+"""Named constants of the lens-model kernels. A comment gives unit, meaning and origin of each.
 
-Origin is "derived" (from what), "convention", "measured" (by what), or "chosen" where nothing more
-is known.
+The origin is "derived" (from what), "convention", "measured" (by what), or "chosen" where nothing
+more is known.
 """
 
 from __future__ import annotations

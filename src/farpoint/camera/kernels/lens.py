@@ -243,7 +243,11 @@ def _write_tangents(
     jacobian: np.ndarray,
     i: int,
 ) -> None:
-    """Write the component perpendicular to the ray of each step (x, y, 0), one per column."""
+    """Write ``jacobian[i]``: column j is the part of step j that is perpendicular to the unit ray.
+
+    A step (x, y), with z = 0, is ``dv / |v|``: the derivative of ``v = (x, y, 1)`` by a pixel
+    coordinate, divided by ``|v|``.
+    """
     for column in range(2):
         x, y = steps[column]
         along = ray[0] * x + ray[1] * y

@@ -1,7 +1,7 @@
-"""Positive definite matrices of some tens of rows: Cholesky factor, solution, inverse, elimination.
+"""Positive definite matrices of 10 to 100 rows: Cholesky factor, solution, inverse, elimination.
 
 BLAS is not used, because for matrices of this size the threads of BLAS wait for each other longer
-than a product takes. The functions take arrays and write into arrays of the caller.
+than a product takes. The functions write their results into arrays that the caller passes.
 """
 
 from __future__ import annotations
@@ -18,12 +18,14 @@ __all__ = ["eliminate_points", "factorise", "invert", "point_variances", "solve"
 
 @loop_kernel
 def factorise(H, damping, unit, L):
-    """Lower factor L (D, D) of ``H``, scaled by ``unit`` (D,) to the diagonal ``1 + damping``.
+    """Cholesky factor L (D, D) of ``S H S + damping I``, where S scales ``H`` to a unit diagonal.
+
+    ``S = diag(unit)``. Results: ``unit`` (D,), and the lower triangle of L.
 
     Returns
     -------
     bool
-        Whether the matrix is positive definite.
+        Whether the scaled matrix is positive definite.
     """
     n = len(H)
     for i in range(n):
@@ -46,7 +48,7 @@ def factorise(H, damping, unit, L):
 
 @loop_kernel
 def solve(L, unit, g, x):
-    """Solve ``H x = g`` with the factor of H."""
+    """Solve ``H x = g`` with the factor ``L, unit`` of H from `factorise`."""
     n = len(g)
     for i in range(n):
         total = g[i] * unit[i]
@@ -63,7 +65,7 @@ def solve(L, unit, g, x):
 
 @loop_kernel
 def invert(L, unit, columns, out):
-    """Inverse of H (D, D) from the factor of H; ``columns`` (D, D) is a buffer."""
+    """Inverse of H (D, D) from the factor ``L, unit`` of H; ``columns`` (D, D) is a buffer."""
     n = len(L)
     # Row j of the buffer receives column j of the inverse factor.
     for j in range(n):
@@ -83,9 +85,10 @@ def invert(L, unit, columns, out):
 
 @loop_kernel
 def eliminate_points(coupling, point_h, point_g, damping, H, g):
-    """Schur complement: eliminate the inverse depths of points from H (D, D) and g (D,).
+    """Schur complement: eliminate the inverse depths of M points from H (D, D) and g (D,).
 
-    ``coupling`` (M, D) has few non-zero columns per row.
+    ``damping`` is added to the information ``point_h`` (M,). Most elements of ``coupling`` (M, D)
+    are zero.
     """
     D = len(g)
     where, values = np.empty(D, np.int64), np.empty(D)
@@ -113,7 +116,7 @@ def eliminate_points(coupling, point_h, point_g, damping, H, g):
 def point_variances(rows, coupling, point_h, covariance, variances):
     """Variances (R,) of the inverse depths of the points in ``rows``.
 
-    ``covariance`` (D, D) is the covariance of the other unknowns.
+    ``covariance`` (D, D) is the covariance of the unknowns other than the inverse depths.
     """
     D = len(covariance)
     where, values = np.empty(D, np.int64), np.empty(D)

@@ -1,4 +1,4 @@
-"""Rotations, cross products and shutter lags of single points, compiled inline in their callers."""
+"""Rotations, cross products and shutter effects of single points, inlined in their callers."""
 
 from __future__ import annotations
 
@@ -35,6 +35,10 @@ def cross(ax, ay, az, bx, by, bz):
 
 @step_kernel
 def lag(twist, x, y, z, s):
-    """``w x d + s v``: change per second of a homogeneous point at ``d`` from the camera."""
+    """``w x d + s v``: change per second of a homogeneous point that moves with the camera.
+
+    ``w`` and ``v`` are the angular and the linear velocity, ``twist = [w, v]``, ``d = (x, y, z)``
+    is the vector ``X - s p`` from the camera to the point, and ``s`` is the inverse depth.
+    """
     cx, cy, cz = cross(twist[0], twist[1], twist[2], x, y, z)
     return cx + s * twist[3], cy + s * twist[4], cz + s * twist[5]

@@ -1,7 +1,7 @@
 """Information of the observations of a window on poses, lens, shutter and points.
 
-The residuals and their derivatives are those of `projection.pixel_residuals`. The functions take
-arrays and write into arrays of the caller.
+The residuals and their derivatives are those of `projection.pixel_residuals`. The functions write
+their results into arrays that the caller passes.
 """
 
 from __future__ import annotations
@@ -19,10 +19,11 @@ __all__ = ["gather_information", "point_steps", "robust_cost"]
 
 @step_kernel
 def _whitened(noise, last, travelled, before, u, v):
-    """Inverse covariance (uu, uv, vv) of the change of a residual, and squared norm of the change.
+    """Inverse covariance (uu, uv, vv) of the change (u, v) of a residual, and Mahalanobis square.
 
-    ``travelled`` and ``before`` are the summed covariances of the track at the two observations,
-    and ``(u, v)`` is the change.
+    ``travelled`` and ``before`` are the sums of the covariances along the track, up to the later
+    and up to the earlier observation. The last result is the squared Mahalanobis norm of the
+    change.
     """
     uu = noise[3] * (noise[0] * last[0] + noise[1] * abs(travelled[0] - before[0]) + noise[2])
     uv = noise[3] * (noise[0] * last[1] + noise[1] * (travelled[1] - before[1]))
@@ -37,11 +38,12 @@ def _whitened(noise, last, travelled, before, u, v):
 def _write_change(
     frame, a, b, o, residuals, by_pose, by_common, by_s, common, J, where, e, E
 ):  # fmt: skip
-    """Change of a residual from observation ``b`` to ``o``, with derivatives; number of unknowns.
+    """Write the change of a residual from observation ``b`` to observation ``o``, and derivatives.
 
-    The unknowns are the poses of the observer, of the anchor ``a`` and, unless ``b`` is the anchor,
-    of the keyframe of ``b``, and the common unknowns; ``where`` receives their rows.
-    The common unknowns begin at row ``common``.
+    The derivatives are by the poses of the keyframes that contain ``o``, the anchor ``a`` and,
+    unless ``b`` is the anchor, ``b``, and by lens and read-out time, whose rows begin at
+    ``common``. ``where`` receives the row of each of these unknowns in the normal equations. The
+    function returns the number of these unknowns.
     """
     G, is_first = by_common.shape[2], b == a
     n = 12 if is_first else 18
@@ -72,9 +74,9 @@ def _write_change(
 
 @step_kernel
 def _whiten(uu, uv, vv, n, J, e, E):
-    """Multiply a residual and its derivatives by the root of an inverse covariance.
+    """Multiply a residual and its derivatives by the root of an inverse covariance (uu, uv, vv).
 
-    Both rows then have unit variance.
+    The two elements of the residual then have unit variance and are uncorrelated.
     """
     c00 = math.sqrt(uu)
     c01 = uv / c00
@@ -87,7 +89,10 @@ def _whiten(uu, uv, vv, n, J, e, E):
 
 @step_kernel
 def _add_products(J, where, e, E, n, H, g, coupling):
-    """Add ``J^T J``, on one side of the diagonal, ``J^T e`` and ``J^T E`` at the rows ``where``."""
+    """Add ``J^T J`` to H, ``J^T e`` to g and ``J^T E`` to ``coupling``, at the rows ``where``.
+
+    Each product of two different columns is added to H on one side of the diagonal only.
+    """
     for i in range(n):
         a0, a1, row = J[0, i], J[1, i], where[i]
         g[row] += a0 * e[0] + a1 * e[1]
@@ -102,36 +107,37 @@ def gather_information(
     residuals, by_pose, by_common, by_s,
     patch, before, H, g, coupling, point_h, point_g, patch_sums, point_sums,
 ):  # fmt: skip
-    """Information (D, D) and gradient (D,) of poses and common unknowns, and of the points.
+    """Information and gradient of the poses, the lens and the shutter, and of the inverse depths.
 
     Errors of a track accumulate from match to match. Each term therefore uses the change of the
-    track's residual since the last keyframe that observed the track. The D unknowns are the poses
-    (6 for each keyframe), the lens and the read-out time, in this order.
+    track's residual since the last keyframe that observed the track. The unknowns other than the M
+    inverse depths are called state: the poses (6 for each keyframe), the lens and the read-out
+    time, in this order, D in total.
 
     Parameters
     ----------
     last, travelled : (N, 3)
-        Covariance (uu, uv, vv), px^2, of the last match, and sum of the covariances since the track
-        began.
+        Covariance (uu, uv, vv), px^2, of the last match before the observation, and sum of the
+        covariances since the track began.
     noise : (4,)
         Weight of the last covariance, weight of the summed covariances, floor (px^2), and factor on
         the variance.
     patch : (N,) of int
-        Part of the image in which the observation lies.
+        Number of the image patch that contains the observation.
     before : (M,) of int
         Buffer.
     H, g, coupling, point_h, point_g : (D, D), (D,), (M, D), (M,), (M,)
-        Results, initially zero: information and gradient of poses and common unknowns, their
-        coupling with the inverse depths, information and gradient of the inverse depths.
+        Results, initially zero: information and gradient of the state, coupling between inverse
+        depths and state, and information and gradient of the inverse depths.
     patch_sums, point_sums : (P, 2), (M, 2)
-        Results, initially zero: sums over patches and over points of residuals in units of their
-        sigma, times their weights.
+        Results, initially zero: sums, over the observations in each patch and of each point, of
+        residuals divided by their sigma and multiplied by their robust weights.
 
     Returns
     -------
     (float, float, int)
         Sum of the weighted squared residuals, sum of the squares of the numbers that were added to
-        ``patch_sums``, and number of terms.
+        ``patch_sums``, and number of residuals (u, v).
     """
     D, G = len(g), by_common.shape[2]
     J, where = np.empty((2, 18 + G)), np.empty(18 + G, np.int64)
@@ -177,7 +183,7 @@ def gather_information(
 
 @loop_kernel
 def robust_cost(point, last, travelled, anchor, used, noise, residuals, before):
-    """Negative log likelihood of `gather_information`'s residuals, up to a constant."""
+    """Negative log likelihood of the residual changes of `gather_information`, up to a constant."""
     before[:] = -1
     cost = 0.0
     for o in range(len(point)):

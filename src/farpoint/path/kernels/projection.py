@@ -8,7 +8,7 @@ by the anchor's pose is minus the derivative by the observer's pose. Rolling shu
 rotates by ``w`` and moves by ``v`` per second observes the point at ``X - t (w x (X - s p) + s v)``
 in a row that is read the time t after the middle row.
 
-The functions take arrays and write into arrays of the caller.
+The functions write their results into arrays that the caller passes.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ __all__ = ["by_sigmas", "expected_rays", "pixel_residuals"]
 def by_sigmas(by_parameters, factor, out):
     """Product ``by_parameters @ factor`` (N, 2, r), computed without the threads of BLAS.
 
-    The factors have the shapes (N, 2, P) and (P, r).
+    The matrices have the shapes (N, 2, P) and (P, r).
     """
     for n in range(len(out)):
         for q in range(2):
@@ -39,7 +39,7 @@ def by_sigmas(by_parameters, factor, out):
 
 @step_kernel
 def _anchor_ray(R, ray, by_lens, lens):
-    """Ray of a point in its anchor through the lens as changed by ``lens``, in world axes."""
+    """Ray of a point in its anchor, in world axes, for a lens that has changed by ``lens`` (r,)."""
     x, y, z = ray[0], ray[1], ray[2]
     for i in range(len(lens)):
         x += by_lens[0, i] * lens[i]
@@ -52,7 +52,10 @@ def _anchor_ray(R, ray, by_lens, lens):
 def expected_rays(
     R, p, twist, readout, lens, frame, point, row_phase, rays, ray_by_lens, anchor, s, out
 ):
-    """Predicted unit rays (N, 3) of points. The arguments are those of `pixel_residuals`."""
+    """Predicted unit ray of every observation. The arguments are those of `pixel_residuals`.
+
+    ``out`` (N, 3) receives the rays.
+    """
     for o in range(len(frame)):
         j = point[o]
         a = anchor[j]
@@ -95,14 +98,14 @@ def pixel_residuals(
     rays, ray_by_lens : (M, 3), (M, 3, r)
         Ray of each point in its anchor, and derivative of this ray by the lens.
     expected, offsets, by_ray, by_lens : (N, 3), (N, 2), (N, 2, 3), (N, 2, r)
-        Ray near the predicted ray, pixel of this ray minus observed pixel, and derivatives of this
-        pixel by the ray and by the lens.
+        Unit ray near the predicted ray, pixel of this unit ray minus observed pixel, and
+        derivatives of the pixel by the ray and by the lens.
     anchor : (M,)
         Observation that is the anchor of each point.
     s : (M,)
         Inverse depths.
     used : (M,)
-        Whether the point is used.
+        Whether the point is used. The residuals of other points are 0.
     residuals, by_pose, by_common, by_s : (N, 2), (N, 2, 6), (N, 2, r + 1), (N, 2)
         Results: residuals, and derivatives by the observer's pose, by lens and read-out time, and
         by the inverse depth. If a point is not in front of the camera, the residual is `UNSEEN_PX`.

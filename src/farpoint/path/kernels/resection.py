@@ -1,4 +1,4 @@
-"""Pose of a frame by known points."""
+"""Pose of a frame from landmarks."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["locate"]
 
 @inner_kernel
 def _velocity(R, R0, p, p0, rate, twist):
-    """Rotation vector and displacement from one pose to another, times a rate."""
+    """``twist`` (6,): rotation vector and displacement from (R0, p0) to (R, p), times ``rate``."""
     D = R @ R0.T
     x, y, z = 0.5 * (D[2, 1] - D[1, 2]), 0.5 * (D[0, 2] - D[2, 0]), 0.5 * (D[1, 0] - D[0, 1])
     sine, cosine = math.sqrt(x * x + y * y + z * z), 0.5 * (D[0, 0] + D[1, 1] + D[2, 2] - 1.0)
@@ -41,7 +41,7 @@ def _rotate(R, x, y, z):
 
 @inner_kernel
 def _solved(H, g, x):
-    """Solve ``H x = g`` by Cholesky; False if H is not positive definite."""
+    """Solve ``H x = g`` by Cholesky; returns False if H is not positive definite."""
     n = len(g)
     L = np.zeros((n, n))
     for i in range(n):
@@ -74,9 +74,10 @@ def _linearise(
 ):  # fmt: skip
     """Residual of a point (2,), derivatives by the pose (2, 6) and by the inverse depth (2,).
 
-    The arguments are rows of those of `locate`. ``late`` is the time from the middle row to the row
-    of the point, s. The buffer ``m`` (2, 3) holds the derivatives by the point. The function
-    returns False for a point that is not in front of the camera.
+    Results: residual ``e``, derivatives ``J`` and ``E``. The other arguments are rows of the
+    arguments of `locate`. ``late`` is the time from the middle row to the row of the point, s. The
+    buffer ``m`` (2, 3) holds the derivatives by the point. The function returns False for a point
+    that is not in front of the camera.
     """
     dx, dy, dz = X[0] - s * p[0], X[1] - s * p[1], X[2] - s * p[2]
     vx, vy, vz = lag(twist, dx, dy, dz, s)
@@ -112,7 +113,7 @@ def locate(
     R, p, R0, p0, seconds, readout, offsets, row_phase, expected, by_ray, covariances, inflations,
     X, s, s_variance, base, before_by_s, H, squares,
 ):  # fmt: skip
-    """Gauss-Newton steps of a pose by known points.
+    """Gauss-Newton steps of the pose of a frame, from N landmarks.
 
     The pose is perturbed as ``R' = Exp(theta) R``, ``p' = p + rho``.
 
@@ -128,7 +129,7 @@ def locate(
     covariances : (N, 3)
         Covariances (uu, uv, vv), px^2, of the change of the residuals since the last keyframe.
     inflations : (I,)
-        Factors on the covariances for each step: above 1 for an initial pose with large errors.
+        Factor on the covariances for each step: above 1 if the pose has errors of many sigma.
     X, s, s_variance, base : (N, 3), (N,), (N,), (N, 3)
         Homogeneous points, inverse depths, variances of the inverse depths, and derivatives of X by
         s.
@@ -141,7 +142,8 @@ def locate(
     Returns
     -------
     (float, int)
-        Robust cost before the last step, and number of points in the cost; 0 if a step failed.
+        Robust cost before the last step, and number of points in the cost. The number is 0 if the
+        equations of a step were singular.
     """
     J, m = np.empty((2, 6)), np.empty((2, 3))
     e, E = np.empty(2), np.empty(2)

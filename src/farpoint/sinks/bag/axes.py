@@ -77,11 +77,12 @@ def motion_twist(
 ) -> Twist:
     """The constant velocity with which the body moves from camera 0 to camera 1.
 
-    ``X_cam1 = R X_cam0 + t``, and ``T_cam0_from_cam1 = exp(twist * seconds)``.
+    The motion is ``X_cam1 = R X_cam0 + t``. In body axes, ``T_0_from_1 = exp(twist * seconds)``.
 
     Parameters
     ----------
     rotation_cam1_from_cam0 : ndarray, shape (3, 3)
+        ``R``.
     translation : ndarray, shape (3,)
         ``t``, in the axes of camera 1.
     covariance : ndarray, shape (6, 6)

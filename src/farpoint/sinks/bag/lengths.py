@@ -17,7 +17,7 @@ UNKNOWN_SPEED = 1000.0
 """1-sigma of an unknown speed, m/s; so large that a filter ignores the speed."""
 
 _FASTEST = 30.0
-"""Speed, m/s, from which the least lever arm of a motion of unknown length is computed."""
+"""Speed, m/s. Times the duration of a motion of unknown length, it is the least `Length.lever`."""
 
 _LOST_M2, _LOST_RAD2 = 1e6, np.pi**2  # variances of an unknown position and orientation
 
@@ -33,7 +33,8 @@ class Length:
     sigma : float
         1-sigma of ``value``.
     lever : float
-        Lever arm of the errors of direction and rotation; at least ``value``.
+        Length by which errors of direction and rotation are multiplied to errors of the
+        translation; at least ``value``.
     """
 
     value: float

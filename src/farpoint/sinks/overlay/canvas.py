@@ -43,7 +43,7 @@ class Canvas:
         return (points_px + 0.5) * self.scale - 0.5
 
     def path(self, points_px: np.ndarray, colour: Colour, thickness: int = 0) -> None:
-        """Draw a line through camera pixels (K, 2), broken at points NaN or far outside."""
+        """Draw a line through camera pixels (K, 2), with gaps at pixels NaN or far outside."""
         points = self.to_pane(points_px)
         near = np.all(np.abs(points) < _REACH_PX, axis=1)
         breaks = np.flatnonzero(np.diff(near)) + 1
@@ -128,7 +128,7 @@ def _size(height: float) -> float:
 
 
 def _fixed(values: np.ndarray | float) -> np.ndarray:
-    with np.errstate(invalid="ignore"):  # NaN gives any integer; callers leave it out
+    with np.errstate(invalid="ignore"):  # NaN gives any integer; callers do not draw this point
         return np.rint(np.asarray(values) * (1 << _SHIFT)).astype(np.int32)
 
 

@@ -17,7 +17,7 @@ from farpoint.sinks.overlay.palette import BACKGROUND, GUIDE_GREY, QUIET_GREY, W
 
 __all__ = ["draw_flow_pane", "draw_points_pane"]
 
-_ARROW_REACH = 0.95  # distance of the arrow's tip over the distance of the border
+_ARROW_REACH = 0.95  # distances from the optical axis: arrow's tip over border of the image
 
 
 def draw_points_pane(

@@ -47,7 +47,7 @@ _ENCODER = {
     "preset": "ultrafast",
     "tune": "zerolatency",
     "crf": "25",
-    "x264-params": "no-deblock=0",  # blocks would show in the sky
+    "x264-params": "no-deblock=0",  # deblocking on, so that no blocks show in the sky
 }
 _LIBRARIES = {"av": "writing overlay.mp4", "cv2": "drawing overlay.mp4"}
 
@@ -106,7 +106,7 @@ class OverlayVideo:
         picture = draw_overlay(image, result, self._camera, self._palette, self._mask)
         planes = self._cv2.cvtColor(
             picture, self._cv2.COLOR_RGB2YUV_I420
-        )  # three times as fast as PyAV
+        )  # three times as fast as PyAV's conversion
         frame = self._av.VideoFrame.from_ndarray(planes, format="yuv420p")
         # Presentation times must increase, also if time stamps repeat or decrease.
         tick = max(round((result.timestamp - self._start_s) / _TICK), self._last_tick + 1)

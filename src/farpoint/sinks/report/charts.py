@@ -1,8 +1,8 @@
 """Charts as inline SVG whose curves scale with the page.
 
-The SVG has curves only, in a unit square that is scaled to the plot; line widths are not scaled.
-Numbers are HTML around the SVG, so that the size of the text does not depend on the size of the
-page.
+The SVG has curves only, in a rectangle of `_WIDTH` x `_HEIGHT` units that is stretched to the plot;
+line widths are not stretched. Numbers are HTML around the SVG, so that the size of the text does
+not depend on the size of the page.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from farpoint.sinks.report.digest import Digest, Series
 
 __all__ = ["Chart", "Curve", "draw_chart", "nice_step", "status_strip"]
 
-_WIDTH, _HEIGHT = 1000, 300  # units of the stretched square
+_WIDTH, _HEIGHT = 1000, 300  # size of the SVG before stretching, SVG units
 _MINUTE_STEPS_S = (30, 60, 120, 300, 600, 900, 1800, 3600)
 
 
@@ -71,7 +71,7 @@ class Chart:
 
 
 def draw_chart(chart: Chart, digest: Digest, number: int) -> str:
-    """Draw a chart as a figure of HTML; the code of the cursor finds its values by `number`."""
+    """HTML figure of a chart. `number` identifies the chart in the JavaScript of the cursor."""
     low, high = _log_range(chart.curves) if chart.log else _range(chart.curves)
     height = _height_map(low, high, log=chart.log)
     span_s = max(digest.span_s, 1e-9)
@@ -190,9 +190,9 @@ def _log_range(curves: list[Curve]) -> tuple[float, float]:
 
 
 def _height_map(low: float, high: float, *, log: bool) -> Callable[[ArrayLike], Any]:
-    """Function from values to heights in the unit square, downwards.
+    """Function from values to vertical SVG coordinates: ``high`` to 0, ``low`` to `_HEIGHT`.
 
-    Values far outside of the square are clipped.
+    Coordinates are limited to one `_HEIGHT` above and below the plot.
     """
 
     def height(value: ArrayLike) -> Any:

@@ -24,7 +24,7 @@ _STATE = {
 
 
 def headline(run: Mapping[str, Any], digest: Digest, paths: Paths) -> str:
-    """Title, state and error of the run, the answers to four questions, facts, and notes."""
+    """Title, state and error, summaries of length, speed, accuracy and faults, facts, and notes."""
     pairs = sum(digest.counts.values())
     ok = digest.counts[PoseStatus.OK]
     part = f" ({100 * ok / pairs:.1f} %)" if pairs else ""

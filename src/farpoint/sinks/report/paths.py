@@ -84,7 +84,7 @@ def _cells(
 
 
 def _thinned(folder: Path) -> Iterator[_Row]:
-    """Every k-th frame, with k so large that few frames remain, and the last frame."""
+    """Every k-th frame, at most `_MAX_POINTS` frames, and the last frame."""
     path = folder / "positions.csv"
     rows = _from_positions(path) if path.is_file() else _from_tum(folder / "trajectory.tum")
     path = path if path.is_file() else folder / "trajectory.tum"

@@ -1,4 +1,4 @@
-"""Compiled loops of synthetic scenes: rays that meet surfaces, and the textures on these."""
+"""Compiled loops of synthetic scenes: ray casting, and filtered textures of surfaces."""
 
 from pathlib import Path
 

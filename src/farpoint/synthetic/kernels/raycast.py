@@ -48,7 +48,7 @@ class Hit(NamedTuple):
 
 @inlined_kernel
 def slab(origin: float, direction: float, half: float) -> tuple[float, float]:
-    """Distances at which a coordinate enters and leaves ``[-half, half]``."""
+    """Distances at which one coordinate of a ray enters and leaves ``[-half, half]``."""
     if direction == 0.0:
         return (-math.inf, math.inf) if abs(origin) <= half else (math.inf, -math.inf)
     centre, reach = -origin / direction, abs(half / direction)
@@ -181,7 +181,7 @@ def trace(blocks: Blocks, hills: Hills, ray: Ray) -> Hit:
     if down > 0.0:
         reach = -below / down  # the ground
     elif down < 0.0:
-        reach = max(0.0, (blocks.grid[5] - below) / down)  # above all shapes from there on
+        reach = max(0.0, (blocks.grid[5] - below) / down)  # beyond, the ray is above all shapes
     t, surface, face = hit_shapes(blocks, ray, reach)
     if surface != NOTHING:
         return Hit(t, surface, face)
@@ -201,10 +201,10 @@ def cast_rays(
     directions: np.ndarray,
     distances: np.ndarray,
 ) -> None:
-    """Fill ``distances`` (N,) from ``origins`` along ``directions`` (N, 3).
+    """Fill ``distances`` (N,) to the first surface from ``origins`` along ``directions`` (N, 3).
 
-    The unit of a distance is the length of the direction. A distance is infinite for the sky, and
-    NaN if the direction is NaN.
+    The unit of each distance is the length of the direction. A distance is infinite for the sky,
+    and NaN if the direction is NaN.
     """
     for i in range(len(directions)):
         start = origins[i, 0], origins[i, 1], origins[i, 2]

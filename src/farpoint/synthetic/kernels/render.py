@@ -1,4 +1,4 @@
-"""Images of a scene: one ray per pixel, or sixteen rays if a neighbour shows another face.
+"""Images of a scene: one ray per pixel, or 16 rays if a neighbouring pixel shows another face.
 
 Textures are filtered over the footprint of the pixel (`farpoint.synthetic.kernels.texture`).
 Silhouettes are supersampled. A motion by a fraction of a pixel therefore changes the image as in a
@@ -30,8 +30,8 @@ __all__ = ["render"]
 def tent_offsets(count: int, half_width: float) -> np.ndarray:
     """Offsets (count, 2), px, with a tent distribution, from a warped rank-1 lattice.
 
-    All x are different, and all y are different. An edge along rows or columns is therefore sampled
-    at as many places as there are samples.
+    All x are different, and all y are different. An edge along a row or a column is therefore
+    sampled at ``count`` different distances.
     """
     lattice = np.stack([np.arange(count), 7 * np.arange(count) % count], axis=1)
     share = (lattice + 0.5) / count
@@ -127,7 +127,7 @@ def render(
         Out: eight times the number of the surface, plus the number of the face.
     """
     rows, columns = depth.shape
-    for sweep in range(2):  # all pixels by one ray, then the edges again by many
+    for sweep in range(2):  # all pixels with one ray, then the pixels at edges with 16 rays
         offsets, footprint = (PIXEL_CENTRE, 1.0) if sweep == 0 else (EDGE_OFFSETS, EDGE_FOOTPRINT)
         for row in range(rows):
             pose = world_from_row[row]

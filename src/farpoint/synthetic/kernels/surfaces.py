@@ -1,8 +1,9 @@
 """Grey values of surfaces over the footprint of a pixel.
 
 Points, directions and steps are tuples (x, y, z). A step is the change of the ray's direction to
-the next pixel on the right or below. The steps shift the intersection with the surface; the two
-shifts define an ellipse on the surface, which is the footprint of the pixel.
+the next pixel on the right, or to the next pixel below. Each of the two steps shifts the
+intersection of the ray with the surface. The two shifts define an ellipse on the surface, the
+footprint of the pixel.
 """
 
 from __future__ import annotations
@@ -117,7 +118,7 @@ def dot(a: Vector, b: Vector) -> float:
 
 @step_kernel
 def light(normal: Vector) -> float:
-    """Brightness by orientation, so that walls with different normals have different greys."""
+    """Brightness factor of a surface with this normal, so that two walls of a house differ."""
     lit = abs(0.35 * normal[0] - 0.75 * normal[1] + 0.55 * normal[2])
     return 0.72 + 0.28 * lit / math.sqrt(dot(normal, normal))
 
@@ -144,7 +145,7 @@ def wall_footprint(
     normal, along_u, along_v = frame.normal, frame.along_u, frame.along_v
     facing = dot(normal, direction)
     facing = math.copysign(max(abs(facing), MIN_INCIDENCE_COSINE), facing)
-    # A step of the ray moves the point hit by t (step - direction (normal.step / facing)).
+    # A step moves the intersection by t (step - direction (normal . step / facing)).
     slide_x, slide_y = (
         dot(normal, differential.right) / facing,
         dot(normal, differential.down) / facing,
@@ -159,7 +160,7 @@ def wall_footprint(
 
 @step_kernel
 def sky_grey(finish: Finish, direction: Vector, differential: RayDifferential) -> float:
-    """Grey value of the sky: a gradient, and coarse noise."""
+    """Grey value of the sky: a gradient by elevation, and the noise texture as clouds."""
     footprint = sky_footprint(direction, differential)
     clouds = filtered(
         finish, NOISE_TEXTURE, scaled(footprint, footprint.u, footprint.v, 1.0 / CLOUD_TEXEL)

@@ -1,8 +1,8 @@
 """Textures filtered over the footprint of a pixel by mip pyramids.
 
-Trilinear lookups (Williams, "Pyramidal Parametrics", SIGGRAPH 1983) use the scale of the
-footprint's minor axis. For a long footprint, several lookups are averaged along the major axis of
-the footprint (McCormack et al., "Feline", SIGGRAPH 1999).
+The minor axis of the footprint selects the mip level of a trilinear lookup (Williams, "Pyramidal
+Parametrics", SIGGRAPH 1983). For a long footprint, several lookups are averaged along the major
+axis of the footprint (McCormack et al., "Feline", SIGGRAPH 1999).
 """
 
 from __future__ import annotations

@@ -54,7 +54,10 @@ _WIDE = Camera.pinhole(1280, 960, 500.0, 500.0, 639.5, 479.5)
 
 
 def _through_dirt(seed: int, share: float) -> HardPair:
-    """A step of 10 cm past near and far points; this share of the matches stands still."""
+    """Near and far points through a dirty lens, and a translation of 10 cm in a random direction.
+
+    The share ``share`` of the matches stands still in the image.
+    """
     direction = np.random.default_rng([seed, 29]).normal(size=3)
     options = PointSceneOptions(
         camera=paper_camera(),

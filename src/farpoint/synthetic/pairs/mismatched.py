@@ -19,7 +19,7 @@ _WINDOWS_M, _STOREY_M = 1.5, 2.7
 
 
 def road(seed: int) -> HardPair:
-    """A road ahead: 45 matches at 25 to 120 m, 22 of them outliers, and a step of 9 m.
+    """A road ahead: 45 matches at 25 to 120 m, 22 of them outliers, and a translation of 9 m.
 
     The errors of the outliers are normal, with a 1-sigma of 15 px in each coordinate.
     """
@@ -43,9 +43,9 @@ def road(seed: int) -> HardPair:
 def court(seed: int, *, matches: int, repeated: float, whole: bool = False) -> HardPair:
     """A courtyard with windows: a share ``repeated`` of the matches is on the wrong window.
 
-    Two stills 5 m and 14 degrees apart, with 0.3 px of noise. Windows are 1.5 m apart. Each wrong
-    match is off by -1, 1 or 2 windows. With ``whole``, ``repeated`` is a share of the windows, and
-    all matches on the windows of this share are off by 1 window.
+    The two images are 5 m and 14 degrees apart, and the noise is 0.3 px. The windows of a wall are
+    1.5 m apart. Each wrong match is off by -1, 1 or 2 windows. With ``whole``, ``repeated`` is the
+    share of windows on which all matches are wrong, each by 1 window.
     """
     camera = Camera.pinhole(3072, 2048, 2760.0, 2760.0, 1535.5, 1023.5)
     assert camera.size is not None
@@ -78,11 +78,12 @@ def court(seed: int, *, matches: int, repeated: float, whole: bool = False) -> H
 
 
 def rails(seed: int, *, share: float = 0.5, matches: int = 200) -> HardPair:
-    """A drive along rails: on a share of the matches, the tracker slides along the rail.
+    """A drive along rails: a share of the matches slides along the images of the rails.
 
-    The camera is 2 m above four rails along its direction of travel. The camera drives 0.5 m and
-    turns by up to 1 degree about each axis. A track that slides is displaced along the image of its
-    rail by 0.5 to 2 px, equal for all tracks of a rail up to normal noise of 0.2 px.
+    The camera is 2 m above four rails that are parallel to the direction of travel. The camera
+    moves by 0.5 m and rotates by up to 1 degree about each axis. A match that slides is displaced
+    along the image of its rail by 0.5 to 2 px. The displacement is equal for all matches of a rail
+    up to normal noise of 0.2 px.
     """
     rng, camera = np.random.default_rng([seed, 19]), vga_camera()
     sliding = round(share * matches)
@@ -117,7 +118,7 @@ def _slid(
 def wide_baseline(
     seed: int, *, camera: Camera, baseline_m: float, turn_deg: float, matches: int, outliers: int
 ) -> HardPair:
-    """Near points only, at 1.5 to 4 m, and a large rotation and translation.
+    """Points at 1.5 to 4 m, with a large rotation and a large translation.
 
     The rotation is ``turn_deg`` about a random axis. The translation has the length ``baseline_m``
     and a random direction.
@@ -138,7 +139,7 @@ def wide_baseline(
 
 
 def junk(seed: int, *, matches: int = 110) -> HardPair:
-    """Wrong matches alone; the true motion is that of a camera at rest."""
+    """Random matches only, all of them outliers; the true motion is zero."""
     rng, camera = np.random.default_rng([seed, 23]), vga_camera()
     points0, points1 = rng.uniform((0.0, 0.0), (639.0, 479.0), (2, matches, 2))
     return HardPair(

@@ -1,4 +1,4 @@
-"""Pairs with an object that moves by itself, or with matches that move with the camera."""
+"""Pairs with an independently moving object, or with matches that stand still in the image."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _NOISE_PX = 0.2
 
 
 def traffic(seed: int, *, share: float, shift_px: float, matches: int = 300) -> HardPair:
-    """Near and far points, and an object that has this share of the matches.
+    """Near and far points, and a moving object with the share ``share`` of the matches.
 
     All matches of the object are displaced in image 1 by ``shift_px`` in the same direction.
     """
@@ -36,9 +36,10 @@ def traffic(seed: int, *, share: float, shift_px: float, matches: int = 300) -> 
 
 
 def crossing(seed: int, *, share: float, at_rest: bool, matches: int = 300) -> HardPair:
-    """One compact object with this share of the matches, which hides what is behind it.
+    """One compact moving object with the share ``share`` of the matches.
 
-    The object moves by about 1 m, mostly horizontally. The camera drives 0.6 m, or is ``at_rest``.
+    The object hides the points behind it and moves by about 1 m, mostly horizontally. The camera
+    moves by 0.6 m, or is ``at_rest``.
     """
     rng, camera = np.random.default_rng(seed), vga_camera()
     assert camera.size is not None
@@ -80,7 +81,7 @@ def crossing(seed: int, *, share: float, at_rest: bool, matches: int = 300) -> H
 
 
 def stationary(scene: PointScene, seed: int, *, share: float, noise_px: float = 0.22) -> HardPair:
-    """A scene through a dirty lens: this share of the matches stands still in the image."""
+    """A scene through a dirty lens: a share ``share`` of the matches stands still in the image."""
     rng = np.random.default_rng(seed)
     rows = rng.permutation(len(scene))[: round(share * len(scene))]
     points1 = scene.points1.copy()

@@ -1,4 +1,4 @@
-"""Matches of two views with the true motion, and the camera of most of these scenes."""
+"""Matches of two views with the true motion, and the camera of most pairs of this package."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def vga_camera() -> Camera:
 def of_scene(
     scene: PointScene, points1: np.ndarray, is_outlier: np.ndarray | None = None
 ) -> HardPair:
-    """A point scene with other points in image 1."""
+    """A point scene as a pair, with ``points1`` instead of the scene's points in image 1."""
     return HardPair(
         camera=scene.camera,
         points0=scene.points0,
@@ -68,7 +68,7 @@ def seen(
     rng: np.random.Generator,
     noise_px: float,
 ) -> HardPair:
-    """The pair of those points that lie in front of both cameras.
+    """The pair of views of the points that lie in front of both cameras.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ _NOISE_PX = 0.2
 
 
 def wall(seed: int, *, direction: ArrayLike, off_plane: int = 0, matches: int = 100) -> HardPair:
-    """A wall 4 m away, with ``off_plane`` points before it, and a step of 12 cm.
+    """A wall 4 m away, ``off_plane`` points in front of the wall, and a translation of 12 cm.
 
     ``direction`` (3,) is the true direction_cam1_from_cam0.
     """
@@ -32,8 +32,8 @@ def wall(seed: int, *, direction: ArrayLike, off_plane: int = 0, matches: int = 
 def rough_wall(seed: int, *, matches: int, relief: float, outlier_share: float = 0.0) -> HardPair:
     """A wall of random slope, 4 m away, with relief and outliers.
 
-    ``relief`` is the 1-sigma of the relative change of each depth. The step of 12 cm has a random
-    direction. Outliers lie anywhere in image 1.
+    ``relief`` is the 1-sigma of the relative deviation of each depth from the plane. The
+    translation of 12 cm has a random direction. Outliers lie anywhere in image 1.
     """
     rng, camera = np.random.default_rng([seed, matches]), vga_camera()
     points0 = _pixels(rng, matches)
@@ -49,9 +49,10 @@ def rough_wall(seed: int, *, matches: int, relief: float, outlier_share: float =
 
 
 def wall_ahead(seed: int, *, matches: int, relief: float) -> HardPair:
-    """A wall 2 m away, and a step of 20 cm to or from the wall, within 12 degrees of its normal.
+    """A wall 2 m away, and a translation of 20 cm towards the wall or away from it.
 
-    ``relief`` is the 1-sigma of the relative change of each depth.
+    The translation is within 12 degrees of the normal of the wall. ``relief`` is the 1-sigma of the
+    relative deviation of each depth from the plane.
     """
     rng, camera = np.random.default_rng([seed, matches, 11]), vga_camera()
     points0 = _pixels(rng, matches)
@@ -65,7 +66,10 @@ def wall_ahead(seed: int, *, matches: int, relief: float) -> HardPair:
 
 
 def floor(seed: int) -> HardPair:
-    """300 points on a floor 1.5 m below a wide camera, and a step of 5 cm, mostly level."""
+    """300 points on a floor 1.5 m below a wide-angle camera, and a translation of 5 cm.
+
+    The translation is mostly horizontal.
+    """
     rng = np.random.default_rng([seed, 13])
     camera = Camera.pinhole(640, 480, 250.0, 250.0, 319.5, 239.5)
     points0 = rng.uniform((0.0, 250.0), (639.0, 479.0), (300, 2))
@@ -75,7 +79,10 @@ def floor(seed: int) -> HardPair:
 
 
 def ground_below(seed: int) -> HardPair:
-    """200 points on the ground 100 m straight below a drone, and a step of 27 m, mostly level."""
+    """200 points on the ground 100 m below a drone that looks down, and a translation of 27 m.
+
+    The translation is mostly horizontal.
+    """
     rng, camera = np.random.default_rng([seed, 17]), vga_camera()
     points0 = _pixels(rng, 200)
     depth = 100.0 / camera.unproject(points0)[:, 2] * (1.0 + 0.003 * rng.normal(size=200))
@@ -88,5 +95,5 @@ def _pixels(rng: np.random.Generator, count: int) -> np.ndarray:
 
 
 def _turn(rng: np.random.Generator, most_deg: float) -> np.ndarray:
-    """Random rotation of up to this angle about each axis."""
+    """Random rotation with a rotation vector of up to ``most_deg`` along each axis."""
     return so3.exp(np.radians(rng.uniform(-most_deg, most_deg, 3)))

@@ -15,7 +15,7 @@ _TURN_RAD = (0.02, 0.05, -0.03)
 
 
 def mostly_far(seed: int, *, matches: int = 110) -> PointScene:
-    """0.9 of the inliers at 25 to 35 m, the others at 1 to 4 m; a step of 20 cm, noise of 1 px."""
+    """90 % of the inliers at 25 to 35 m, 10 % at 1 to 4 m; translation of 20 cm, noise of 1 px."""
     return _paper_scene(
         seed,
         matches=matches,
@@ -27,7 +27,7 @@ def mostly_far(seed: int, *, matches: int = 110) -> PointScene:
 
 
 def short(seed: int, *, matches: int = 90, outliers: int = 0) -> PointScene:
-    """A step of 2 cm to the side with noise of 1 px, half of the points far."""
+    """A translation of 2 cm to the side with noise of 1 px; half of the inliers at 25 to 35 m."""
     return _paper_scene(
         seed,
         matches=matches,
@@ -39,19 +39,22 @@ def short(seed: int, *, matches: int = 90, outliers: int = 0) -> PointScene:
 
 
 def few(seed: int, *, matches: int = 15, outliers: int = 4) -> PointScene:
-    """Few matches, some of them wrong, of near and far points and a step of 20 cm."""
+    """Few matches of near and far points, some of them wrong, and a translation of 20 cm."""
     return _paper_scene(seed, matches=matches, outliers=outliers, translation_m=(0.2, 0.0, 0.0))
 
 
 def pure_rotation(seed: int, *, outliers: int = 50) -> PointScene:
-    """A camera that only turns, with many outliers."""
+    """A rotation without translation, with many outliers."""
     return _paper_scene(seed, outliers=outliers, translation_m=(0.0, 0.0, 0.0))
 
 
 def smooth_errors(
     seed: int, *, baseline_m: float, size_px: float = 0.4, reach_px: float = 80.0
 ) -> HardPair:
-    """Errors of a `smooth_field`, as of a lens or a shutter, in addition to noise of 0.15 px."""
+    """Matches with the errors of a `smooth_field` in image 1, in addition to noise of 0.15 px.
+
+    Errors of a calibration or of a rolling shutter change smoothly over the image, too.
+    """
     direction = sphere.normalize(np.random.default_rng(seed).normal(size=3))
     options = PointSceneOptions(
         camera=vga_camera(),
@@ -77,7 +80,7 @@ def smooth_field(
     size_px : float
         1-sigma of each coordinate, px.
     reach_px : float
-        Distance over which errors are correlated, px.
+        Distance, px, up to which the errors of two points are correlated.
     """
     rng = np.random.default_rng(seed)
     waves = 40

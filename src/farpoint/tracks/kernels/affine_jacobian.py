@@ -1,9 +1,8 @@
 """Jacobian of a window's residual by the affine parameters, and products with this Jacobian.
 
-With the gradients ``gx, gy`` and the contrast ``c = mean - I0``, a pixel ``(u, v)`` of a window has
-the derivatives ``[gx, gy, gx u, gx v, gy u, gy v, c, -1]`` by the parameters of `affine_match`.
-Only the factors that differ from pixel to pixel are stored. The products are computed during
-summation.
+With the gradients ``gx, gy`` and the contrast ``c = mean - I0``, the residual of a pixel ``(u, v)``
+of a window has the derivatives ``[gx, gy, gx u, gx v, gy u, gy v, c, -1]`` by the parameters of
+`affine_match`. Only gx, gy, u, v and c are stored. The products are computed during summation.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ class Template(NamedTuple):
     """Window of the first image, with the factors of the residual's Jacobian."""
 
     window: Window
-    """Gradients of the second image as predicted by the prior, after `linearise`."""
+    """Window of the first image; after `linearise`, with gradients expected in the second image."""
     contrast: np.ndarray
     """(S,) mean of the window's values minus the value of each pixel."""
     u: np.ndarray
@@ -85,7 +84,7 @@ def _dot(a: np.ndarray, b: np.ndarray) -> np.floating:
 
 @inner_kernel
 def jacobian_times(template: Template, step: np.ndarray, out: np.ndarray) -> None:
-    """Jacobian times a step of the parameters, which is the predicted change of every pixel."""
+    """Jacobian times a step of the parameters: the predicted change of the residual (S,)."""
     window, contrast, us, vs = template.window, template.contrast, template.u, template.v
     gx, gy, inside = window.gx, window.gy, window.inside
     x, y, xu, xv = (
@@ -108,7 +107,7 @@ def jacobian_times(template: Template, step: np.ndarray, out: np.ndarray) -> Non
 
 @sum_kernel
 def jacobian_products(template: Template, values: np.ndarray) -> Nine:
-    """Transposed Jacobian times values. The last element is the sum of the squared values."""
+    """Transposed Jacobian times values (S,), then, as ninth element, the sum of squared values."""
     window, contrast, us, vs = template.window, template.contrast, template.u, template.v
     gx, gy, inside = window.gx, window.gy, window.inside
     zero = np.float32(0.0)

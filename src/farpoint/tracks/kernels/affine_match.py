@@ -4,10 +4,11 @@ For every pixel ``w = (u, v)`` of a window, counted from its centre, the model i
 
     I1(p1 + d + (I + M) w) = (1 + gain) (I0(p0 + w) - mean) + mean + offset
 
-The eight parameters are ``theta = [d (2), M by rows (4), gain, offset]``. All parameters except
-``d`` have a Gaussian prior. Gauss-Newton uses the gradients of the first image, transformed by the
-expected warp, so that the normal matrix is computed only once (Baker and Matthews, "Lucas-Kanade 20
-Years On", IJCV 56, 2004).
+I0 and I1 are the images, p0 is the point in I0, p1 is the initial point in I1, and ``mean`` is the
+mean of I0 over the window. The eight parameters are ``theta = [d (2), M by rows (4), gain,
+offset]``. All parameters except ``d`` have a Gaussian prior. Gauss-Newton uses the gradients of the
+first image, transformed by the expected warp, so that the normal matrix is computed only once
+(Baker and Matthews, "Lucas-Kanade 20 Years On", IJCV 56, 2004).
 """
 
 from __future__ import annotations
@@ -70,13 +71,12 @@ class Matched(NamedTuple):
     warps: np.ndarray
     """(N, 2, 2) warps ``I + M``. In: initial warps and means of the prior. Out: matched warps."""
     covariances: np.ndarray
-    """(N, 2, 2) covariance of the point, px^2; NaN without a match (window outside an image, no
-    texture)."""
+    """(N, 2, 2) covariance of the point, px^2; NaN without a match, because the window leaves an
+    image or has no texture."""
     correlations: np.ndarray
     """(N,) correlation of the two windows, -1 to 1."""
     quadratic_bias: np.ndarray
-    """(N, 2, 2, 3) bias of the match by quadratic motion, px: ``[a, b, c]`` is the displacement
-    along axis a per unit of ``u^2``, ``u v`` or ``v^2`` (c) along axis b."""
+    """(N, 2, 2, 3) bias of the match by quadratic motion, px; see `Windows.quadratic_bias`."""
     responses: np.ndarray
     """(N, 2, 2) response of the match to a displacement of the second image; see
     `window_covariance.respond`."""
@@ -88,7 +88,7 @@ class Workspace(NamedTuple):
     pixels: np.ndarray
     """Pixels of the first image around the window."""
     patch: np.ndarray
-    """Interpolated values, one pixel farther than the window."""
+    """Interpolated values of the window and of one more pixel on each side."""
     patch_line: int
     """Stride from one line to the next of ``pixels`` and ``patch``."""
     template: Template
@@ -97,7 +97,7 @@ class Workspace(NamedTuple):
     residual: np.ndarray
     """(S + 2 lines,) residual: second image minus first."""
     predicted: np.ndarray
-    """(S,) part of the residual predicted by the last step."""
+    """(S,) change of the residual that the last step predicts."""
     normal: np.ndarray
     """(8, 8) normal matrix."""
     factor: np.ndarray
@@ -145,7 +145,10 @@ def match_windows(
     space: Workspace,
     matched: Matched,
 ) -> None:
-    """Refine the matches of ``points0`` (N, 2), px, in place, and compute their covariances."""
+    """Refine the matches of the points ``points0`` (N, 2), px, and fill all fields of ``matched``.
+
+    On input, ``matched`` holds the initial points and warps.
+    """
     points1, warps, template, theta = matched.points, matched.warps, space.template, space.theta
     for k in range(len(points0)):
         matched.covariances[k] = np.nan
@@ -171,7 +174,7 @@ def match_windows(
 
 @step_kernel
 def _expect(warp: np.ndarray, expected: np.ndarray) -> None:
-    """Write the parameters of a warp ``I + M`` without displacement or change of brightness."""
+    """Write the elements of a warp ``I + M`` to the warp parameters of ``expected`` (8,)."""
     expected[2], expected[3] = warp[0, 0] - 1.0, warp[0, 1]
     expected[4], expected[5] = warp[1, 0], warp[1, 1] - 1.0
 
@@ -207,8 +210,8 @@ def _fit(
 ) -> tuple[float, float]:
     """Fit the parameters by Gauss-Newton iteration.
 
-    The function returns the variance of the residual and the correlation of the two windows. The
-    variance is -1 if there is no match.
+    The function returns the variance of the residual, at least the noise floor, and the correlation
+    of the two windows. The variance is -1 without a match.
     """
     (x, y), precision = start, parameter_prior.precision
     template, residual, predicted = space.template, space.residual, space.predicted
@@ -222,7 +225,7 @@ def _fit(
         if not residual_of(image, x, y, template, theta, space.around, residual):
             return -1.0, 0.0
         sums = jacobian_products(template, residual)
-        # The prior is weighted by the noise variance, which the residual gives.
+        # The information of the prior is relative to the noise variance, which the residual gives.
         variance = max(sums[8] / count, parameter_prior.noise_floor)
         if not _factorise(normal, precision, variance, factor):
             return -1.0, 0.0
@@ -249,8 +252,8 @@ def _factorise(
 ) -> bool:
     """Lower Cholesky factor of the normal matrix with the priors.
 
-    The result is False if the matrix is not positive definite. The diagonal of the factor is stored
-    inverted, because it is only used for divisions.
+    The result is False if the matrix is not positive definite. On the diagonal, the reciprocals of
+    the elements of the factor are stored, because the elements are only used as divisors.
     """
     for a in range(AFFINE_PARAMETERS):
         for b in range(a + 1):

@@ -15,7 +15,7 @@ __all__ = ["corner_strength", "strongest_places"]
 
 @kernel
 def corner_strength(image: np.ndarray, block: int, strength: np.ndarray) -> None:
-    """Least mean squared gradient over a block of pixels, among all directions (Shi-Tomasi).
+    """Shi-Tomasi corner strength of each pixel, from the gradients in a block around the pixel.
 
     Parameters
     ----------
@@ -59,9 +59,10 @@ def _move_on(
     xy: np.ndarray,
     yy: np.ndarray,
 ) -> None:
-    """Add the gradients of a new line to the running sums, and subtract those of an old line.
+    """Add products of gradients of a new line to the running sums, and subtract the oldest line.
 
-    The old line is ``block`` lines above the new line.
+    ``gx`` and ``gy`` hold the gradients of the line ``block`` lines above the new line, which are
+    replaced by the gradients of the new line.
     """
     one, two = np.uintp(1), np.uintp(2)
     twice = np.float32(2.0)
@@ -81,7 +82,7 @@ def _move_on(
 
 @inner_kernel
 def _sum_along(values: np.ndarray, block: int, sums: np.ndarray) -> None:
-    """Sums of ``block`` neighbours, stored at the index of the first neighbour."""
+    """Sums of ``block`` successive values, stored at the index of the first value."""
     count = np.uintp(len(values) - block)
     for i in range(count):
         sums[i] = values[i]
@@ -116,7 +117,7 @@ def strongest_places(
     taken: np.ndarray,
     places: np.ndarray,
 ) -> int:
-    """Find the local maxima within squares of half width ``reach``; returns their number.
+    """Find the pixels that are maximal in their square of half width ``reach``; returns the count.
 
     Parameters
     ----------
@@ -124,12 +125,12 @@ def strongest_places(
     least : float
         Strength that a maximum must exceed.
     reach, border : int
-        Half-width of the neighbourhood, and least distance from the border, px.
+        Half width of the square, and least distance from the border of the image, px.
     taken : ndarray of bool, shape (H, W)
         Pixels that are excluded.
     places : ndarray of int64, shape (C, 2)
-        Out: column and row of each maximum. There is at most one maximum per square of ``reach +
-        1`` pixels.
+        Out: column and row of each maximum. A square of ``reach + 1`` pixels contains at most one
+        maximum.
     """
     height, width = strength.shape
     size = reach + 1

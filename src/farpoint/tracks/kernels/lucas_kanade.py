@@ -40,7 +40,7 @@ __all__ = ["Levels", "Workspace", "blank_workspace", "border_px", "follow_window
 
 
 class Levels(NamedTuple):
-    """The levels of a pyramid that a search uses."""
+    """The levels of a pyramid that are searched."""
 
     values: np.ndarray
     """(V,) uint8, the pyramid."""
@@ -54,7 +54,7 @@ class Workspace(NamedTuple):
     pixels: np.ndarray
     """Pixels of an image around the window."""
     patch: np.ndarray
-    """Interpolated values, one pixel farther than the window."""
+    """Interpolated values of the window and of one more pixel on each side."""
     window: Window
     """Window of the first image, with lines as long as those of the other buffers."""
 
@@ -87,10 +87,10 @@ def follow_windows(
     space: Workspace,
     points1: np.ndarray,
 ) -> None:
-    """Track windows from one image to another, from the coarsest level to the finest, and backward.
+    """Track windows from the first image to the second image, and backward.
 
-    The backward pass starts as far from the position in the first image as the forward pass started
-    from its result.
+    Each pass starts at the coarsest level and ends at the finest. The backward pass starts at
+    ``points0 + (points1 - start)``: the initial errors of both passes have the same length.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def _find(
     termination: Termination,
     space: Workspace,
 ) -> tuple[float, float, bool]:
-    """Position of the window around a point in the second image, and whether it was found."""
+    """Position, in the second image, of the window around ``point0``, and whether it is valid."""
     window, layout = space.window, levels0.layout
     width, line = 2 * window.half + 3, window.line
     scale = 0.5 ** (len(layout) - 1)
@@ -171,8 +171,8 @@ def _descend(
 ) -> tuple[float, float, bool]:
     """Take Gauss-Newton steps on one level from (x, y).
 
-    The function returns the position and whether it is valid: False if the window has no texture or
-    if a step leaves the image.
+    The function returns the last position and whether the position is valid. The position is
+    invalid if the window has no texture or if a step leaves the image.
     """
     window, pixels = space.window, space.pixels
     half, line = window.half, window.line
@@ -209,10 +209,11 @@ def _descend(
 def _project_out_brightness(window: Window) -> None:
     """Make the gradients orthogonal to a change of gain and offset over the window.
 
-    The sums of gradients times mismatch are then the same for any brightness ``a I + b`` of the
-    second image. The displacement is therefore the same as by least squares with ``a`` and ``b`` as
-    further unknowns ("project out": G. Hager, P. Belhumeur, PAMI 1998, doi:10.1109/34.722606). This
-    method takes one pass over each window instead of one pass per step.
+    A change of gain or offset between the images then does not contribute to the sums of gradient
+    times difference of the images. The displacement is therefore the same as by least squares with
+    gain and offset as further unknowns ("project out": G. Hager, P. Belhumeur, PAMI 1998,
+    doi:10.1109/34.722606). This method takes one pass over each window instead of one pass per
+    step.
     """
     grey, gx, gy, inside = window.grey, window.gx, window.gy, window.inside
     count = np.float32((2 * window.half + 1) ** 2)
@@ -240,7 +241,7 @@ def _sum_of_products(a: np.ndarray, b: np.ndarray) -> np.floating:
 def _brightness_moments(
     window: Window, mean: np.floating
 ) -> tuple[np.floating, np.floating, np.floating]:
-    """Sum of the squared contrast, and sums of the contrast times each gradient."""
+    """Sums of ``c c``, ``c gx`` and ``c gy`` over the window, with ``c = grey - mean``."""
     grey, gx, gy, inside = window.grey, window.gx, window.gy, window.inside
     zero = np.float32(0.0)
     square, along_x, along_y = zero, zero, zero
@@ -268,9 +269,9 @@ def _normal_matrix(gx: np.ndarray, gy: np.ndarray) -> tuple[float, float, float]
 def _mismatch(
     pixels: np.ndarray, begin: int, weights: Weights, window: Window
 ) -> tuple[float, float]:
-    """Sums of gradient times (second image - first image), for a window that begins at ``begin``.
+    """Sums over the window of gradient times (second image - first image).
 
-    ``begin`` is an index into ``pixels``.
+    ``begin`` is the index, in ``pixels``, at which the window of the second image begins.
     """
     line, grey, gx, gy = window.line, window.grey, window.gx, window.gy
     bx, by = np.float32(0.0), np.float32(0.0)

@@ -13,7 +13,7 @@ __all__ = ["cover", "take_places"]
 def take_places(
     places: np.ndarray, taken: np.ndarray, reach: int, limit: int, kept: np.ndarray
 ) -> int:
-    """Accept free places in the given order, up to a limit; returns the number of accepted places.
+    """Accept places that are not taken, in the given order; returns the number of accepted places.
 
     Parameters
     ----------
@@ -22,6 +22,7 @@ def take_places(
     taken : ndarray of bool, shape (H, W)
         Pixels that are taken. Every accepted place takes the square of half width ``reach``.
     reach, limit : int
+        Half width of the square, px, and largest number of accepted places.
     kept : ndarray of int64, shape (N,)
         Out: indices of the accepted places.
     """
@@ -40,7 +41,7 @@ def take_places(
 
 @kernel
 def cover(places: np.ndarray, taken: np.ndarray, reach: int) -> None:
-    """Take the square of half width ``reach`` around every place, as `take_places` does."""
+    """Mark the square of half width ``reach`` around every place as taken; see `take_places`."""
     for index in range(len(places)):
         _cover_one(places[index, 0], places[index, 1], taken, reach)
 

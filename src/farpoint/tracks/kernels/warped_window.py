@@ -43,7 +43,10 @@ def residual_of(
     around: Around,
     residual: np.ndarray,
 ) -> bool:
-    """Warped second image minus brightness-corrected template; False if outside the image."""
+    """Write the residual: warped second image minus template with the change of brightness.
+
+    The function returns False if the warped window leaves the image or is stretched too much.
+    """
     window, contrast = template.window, template.contrast
     half, grey = window.half, window.grey
     reach_x = half * (abs(1.0 + theta[2]) + abs(theta[3]))
@@ -76,10 +79,11 @@ def _warp(
 ) -> None:
     """Interpolated values of a warped window around (x, y).
 
-    A line is interpolated in steps in which the warp displaces values from a 1 px grid by 1 px at
-    most. Each value of a step lies within 3 x 3 pixels, one pixel farther right than those of the
-    previous value. Each step writes `PIXELS_AT_ONCE` values, and the next step overwrites the
-    surplus values. Values after the end of a line are undefined.
+    A line is interpolated in steps. A step is so short that the warp displaces its values by at
+    most 1 px from a 1 px grid. Each value of a step is therefore interpolated from 3 x 3 pixels,
+    which are one pixel farther right than the 3 x 3 pixels of the previous value. Each step writes
+    `PIXELS_AT_ONCE` values. If a step has fewer values, the next step overwrites the surplus, and
+    values after the end of a line are undefined.
     """
     pixels, pixel_line = around.pixels, around.line
     xu, xv, yu, yv = theta[2], theta[3], theta[4], theta[5]
@@ -110,8 +114,9 @@ def _warp_part(
 ) -> None:
     """Values of a part of a line, interpolated bilinearly between 3 x 3 pixels for each value.
 
-    The 3 x 3 pixels of value ``j`` begin with pixel ``i + j`` at the upper left. The value is at
-    ``begin + j * slope`` (x, y), 0 to 2 px, from this pixel, and is written to index ``to + j``.
+    The upper left pixel of the 3 x 3 pixels of value ``j`` has the index ``i + j``. The offset of
+    the value from this pixel is ``begin + j * slope`` (x, y), 0 to 2 px. The value is written to
+    index ``to + j``.
     """
     zero, one = np.float32(0.0), np.float32(1.0)
     (x, y), (slope_x, slope_y) = begin, slope
@@ -130,6 +135,6 @@ def _warp_part(
 
 @inlined_kernel
 def _along(pixels: np.ndarray, i: np.uintp, a: float, b: float) -> float:
-    """Value, linearly interpolated, at ``a + b`` pixels to the right of the i-th pixel."""
+    """Linear interpolation ``a + b`` px to the right of the i-th pixel, a and b from 0 to 1."""
     left, middle, right = pixels[i], pixels[i + np.uintp(1)], pixels[i + np.uintp(2)]
     return fma(b, right - middle, fma(a, middle - left, left))

@@ -25,15 +25,15 @@ __all__ = [
 
 
 class Influence(NamedTuple):
-    """Influence of each pixel of the window on the displacement of a match, px."""
+    """Influence of the residual of each pixel on the estimated displacement of a match."""
 
     rows: np.ndarray
-    """(2, 8) rows of the inverse normal matrix for the displacement."""
+    """(2, 8) the two rows of the inverse normal matrix that belong to the displacement."""
     pixels: np.ndarray
     """(2, S) derivative of the displacement by the residual of each pixel, px per grey level: rows
     times Jacobian."""
     moves: np.ndarray
-    """(2, R) influence times residual of each pixel, px, with a border of zeros."""
+    """(2, R) ``pixels`` times residual for each pixel, px, with a border of zeros."""
     line: int
     """Stride from one line of ``moves`` to the next."""
 
@@ -73,9 +73,10 @@ def find_influence(factor: np.ndarray, template: Template, influence: Influence)
 
 @step_kernel
 def quadratic_bias(template: Template, influence: Influence, bias: np.ndarray) -> None:
-    """Bias of a match due to quadratic motion within the window, which is not part of the model.
+    """Fill ``bias`` (2, 2, 3): bias of a match due to quadratic motion; see `Windows`.
 
-    A displacement ``q(w)`` of the pixel w decreases the residual of the pixel by ``gradient . q``.
+    Quadratic motion is not part of the affine model. A displacement ``q(w)`` of the pixel w
+    decreases the residual of the pixel by ``gradient . q``.
     """
     for a in range(2):
         sums = _quadratic_moves(template, influence.pixels[a])
@@ -86,7 +87,7 @@ def quadratic_bias(template: Template, influence: Influence, bias: np.ndarray) -
 
 @sum_kernel
 def _quadratic_moves(template: Template, influence: np.ndarray) -> tuple:
-    """Sums over the window of influence times each gradient times ``u u``, ``u v`` and ``v v``."""
+    """Sums over the window of ``influence * g * q``, g = gx, gy and q = u u, u v, v v."""
     gx, gy, us, vs = template.window.gx, template.window.gy, template.u, template.v
     zero = np.float32(0.0)
     xuu, xuv, xvv, yuu, yuv, yvv = zero, zero, zero, zero, zero, zero
@@ -111,7 +112,7 @@ def covary(
     influence: Influence,
     covariance: np.ndarray,
 ) -> None:
-    """Sandwich covariance of the displacement, from products of influence and residual.
+    """Sandwich covariance (2, 2) of the displacement, from products of influence and residual.
 
     Neighbouring residuals are correlated because of interpolation, blur and errors of the model.
     The products are therefore summed over every block of 3 x 3 pixels, and the sums are squared.
@@ -135,7 +136,7 @@ def covary(
     covariance[0, 0] = scale * xx
     covariance[0, 1] = scale * xy
     covariance[1, 1] = scale * yy
-    # The prior of M, gain and offset contributes to the displacement.
+    # The priors of M, gain and offset contribute to the covariance of the displacement.
     for a in range(2):
         for b in range(a, 2):
             for c in range(AFFINE_PARAMETERS):
@@ -146,9 +147,9 @@ def covary(
 
 @sum_kernel
 def _block_moments(moves: np.ndarray, line: int, size: int) -> tuple[float, float, float]:
-    """Second moments (xx, xy, yy) of the sums over 3 x 3 blocks.
+    """Second moments (xx, xy, yy) of the sums of ``moves`` over blocks of 3 x 3 pixels.
 
-    The second moment is a sum over the blocks of a grid, averaged over the 9 offsets of the grid.
+    A second moment is the sum over all blocks of a grid, averaged over the 9 positions of the grid.
     """
     zero = np.float32(0.0)
     xx, xy, yy = zero, zero, zero
@@ -179,11 +180,11 @@ def respond(
     influence: Influence,
     response: np.ndarray,
 ) -> None:
-    """Response (2, 2) of the estimated displacement to a displacement of the second image.
+    """Response (2, 2): derivative of the estimated by the true displacement of the second image.
 
-    The response is the sum of influence times gradient of the second image over the window. The
-    gradient of the second image is that of the template plus that of the residual. For the gradient
-    of the template the sum is the identity.
+    The response is the sum, over the window, of influence times gradient of the second image. The
+    gradient of the second image is ``1 + gain`` times the gradient of the template, plus the
+    gradient of the residual. For the gradient of the template, the sum is the identity.
     """
     half, line = template.window.half, template.window.line
     width, pixels = 2 * half + 1, influence.pixels
@@ -204,8 +205,9 @@ def _gradient_products(
     """Sums over the window of influence times the gradient of the residual.
 
     ``on_x`` and ``on_y`` are the influences on the x and the y coordinate of the displacement. The
-    four sums are: ``on_x`` times the gradient to the right, ``on_x`` times the gradient down, and
-    the same for ``on_y``. Differences are central, and one-sided at the border of the window.
+    four sums are: ``on_x`` times the gradient to the right, ``on_x`` times the gradient downwards,
+    and the same two sums for ``on_y``. The gradients are central differences, or one-sided
+    differences at the border of the window.
     """
     xu, xv, yu, yv = _central_products(on_x, on_y, residual, line, width * line)
     half, bottom = np.float32(0.5), (width - 1) * line
@@ -226,9 +228,10 @@ def _gradient_products(
 def _central_products(
     on_x: np.ndarray, on_y: np.ndarray, residual: np.ndarray, line: int, size: int
 ) -> tuple[np.floating, np.floating, np.floating, np.floating]:
-    """Sums of influences times central differences, with zeros beyond the ends of lines.
+    """The four sums of `_gradient_products` with central differences at all pixels.
 
-    The first and the last line have no difference downwards.
+    The residual is taken as 0 beyond the ends of a line. The first and the last line do not
+    contribute to the sums with the gradient downwards.
     """
     zero, half, one = np.float32(0.0), np.float32(0.5), np.uintp(1)
     xu, xv, yu, yv, step = zero, zero, zero, zero, np.uintp(line)
@@ -246,12 +249,12 @@ def _central_products(
 
 @step_kernel
 def _undo_attenuation(rows: np.ndarray, power: float, covariance: np.ndarray) -> None:
-    """Correct a covariance for noise in the gradients, which makes the information too large.
+    """Correct a covariance C for noise in the gradients, which makes the information too large.
 
-    ``D`` (2, 2) is the information on the displacement, and ``nu`` is the part of D that is due to
-    noise. The corrected covariance is ``S C S`` with ``S = inv(D - nu I) D = I + nu inv(D - nu
-    I)``. ``nu`` is at most 1/3 of the smallest eigenvalue of D, because only a part of a residual
-    is noise.
+    D (2, 2) is the information on the displacement, as the sum of products of gradients, and ``nu
+    I`` is the part of D that is due to noise. ``nu`` is `GRADIENT_NOISE_RATIO` times ``power``, the
+    sum of squared residuals, but at most 1/3 of the smallest eigenvalue of D, because only a part
+    of a residual is noise. The corrected covariance is ``S C S`` with ``S = inv(D - nu I) D``.
     """
     # inv(D) is the displacement's block of the inverse normal matrix.
     mean = 0.5 * (rows[0, 0] + rows[1, 1])

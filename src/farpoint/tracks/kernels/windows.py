@@ -2,8 +2,8 @@
 
 An image is a flat array of bytes with a border, so that a window may extend beyond the image. For
 vector instructions, the length of a window's lines in memory is a multiple of `VECTOR_LANES`
-pixels. Pixels in a line beyond the window have no weight. Floats are float32, which is accurate
-enough for windows of a few hundred 8-bit values.
+pixels. The padding at the end of a line has the weight 0 (`Window.inside`). Floats are float32,
+which is accurate enough for sums over a few hundred 8-bit values.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ Weights = tuple[np.floating, np.floating, np.floating, np.floating]
 
 
 class Image(NamedTuple):
-    """Position of an image in an array."""
+    """An image in a flat array with a border."""
 
     values: np.ndarray
     """(V,) uint8."""
@@ -66,7 +66,7 @@ class Window(NamedTuple):
     gy: np.ndarray
     """(S,) gradient downwards, grey levels / px."""
     inside: np.ndarray
-    """(S,) 1 for pixels of the window, 0 beyond its lines."""
+    """(S,) 1 for pixels of the window, 0 for the padding of the lines."""
 
 
 class Termination(NamedTuple):
@@ -84,7 +84,7 @@ def line_px(width: int) -> int:
 
 
 def room_px(rows: int, line: int) -> int:
-    """Size of a buffer for ``rows`` lines, including pixels that are read beyond the last line."""
+    """Size of a buffer for ``rows`` lines, and for pixels that are read beyond the last line."""
     return (rows + 1) * line + VECTOR_LANES
 
 
@@ -117,7 +117,10 @@ def read(image: Image, left: int, top: int, rows: int, line: int, pixels: np.nda
 
 @inner_kernel
 def weights_of(x: float, y: float) -> Weights:
-    """Bilinear weights of a pixel and of its neighbours to the right, below, and diagonally."""
+    """Bilinear weights at the fraction (x, y), 0 to 1, between a pixel and three neighbours.
+
+    The weights are those of the pixel and of the neighbours to the right, below, and below right.
+    """
     a, b, one = np.float32(x), np.float32(y), np.float32(1.0)
     return (one - a) * (one - b), a * (one - b), (one - a) * b, a * b
 
@@ -179,9 +182,10 @@ def relaxed_share(
 ) -> float:
     """Share of a step to take, 0.5 to 1, from the share of the previous step (secant method).
 
-    The gradients of a sampled image are too small, by up to 50 % in sharp parts of the image, so
-    Gauss-Newton oscillates. The component of the new step along the previous step is the error of
-    the previous step's length.
+    The gradients of a sampled image are too small, by up to 50 % in sharp parts of the image. The
+    steps of Gauss-Newton are therefore too long, and the iteration oscillates. The component of the
+    new step along the previous step is the part of the previous step that was missing; a negative
+    component shows that the previous step was too long.
     """
     square = before_x * before_x + before_y * before_y
     left = (step_x * before_x + step_y * before_y) / square if square > 0.0 else 0.0
