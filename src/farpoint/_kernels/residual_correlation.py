@@ -25,11 +25,12 @@ def patch_correlation(
 ) -> float:
     """Correlation between the residuals of matches and of their neighbours in other patches.
 
-    The correlation is ``sum r_i r_nn(i) / sum r_i^2`` over at most ``most`` of the ``rows``; r is a
-    residual divided by ``sigma`` and clipped to +-`GATE_SIGMA`. The nearest neighbour nn(i) of a
-    match has, among the ``rows`` with another ``patch`` (N,), the least sum of the squared
-    distances in both images. The expected value is 0 for independent noise. The result is also 0 if
-    there are no neighbours.
+    ``rows`` are the indices of the matches that are used, and ``patch`` (N,) is the number of the
+    image patch in which each match lies. The correlation is ``sum r_i r_nn(i) / sum r_i^2``, where
+    i runs over at most ``most`` of the ``rows``, and r is a residual divided by ``sigma`` and
+    clipped to +-`GATE_SIGMA`. The neighbour nn(i) is, among the ``rows`` in other patches, the
+    match with the least sum of the squared distances to match i in both images. The expected value
+    is 0 for independent noise. The result is also 0 if no match has a neighbour.
     """
     in_order = np.empty(rows.size, np.int64)
     _sort(pairs, rows, in_order)

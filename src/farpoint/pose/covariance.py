@@ -142,8 +142,10 @@ def inflation_by_halves(ratio: float | None, expected: float, freedom: int) -> f
 def mean_split_half_ratio(ratio: float | None, expected: float, pairs: int) -> float:
     """Mean split-half ratio of this pair of views and of ``pairs`` earlier pairs.
 
-    ``expected`` is the mean ratio of the earlier pairs. The ratio of this pair is limited to
-    `MAX_RATIO_OVER_MEAN` times ``expected``.
+    ``ratio`` is the `split_half_ratio` of this pair: the squared difference of the poses from two
+    halves of the matches, divided by its expectation. ``expected`` is the mean ratio of the earlier
+    pairs. Before it enters the mean, ``ratio`` is limited to `MAX_RATIO_OVER_MEAN` times
+    ``expected``.
     """
     if ratio is None:
         return expected

@@ -126,8 +126,9 @@ class RecordFile(ABC):
     def _record(self, file: BinaryIO, at: int) -> Record | None:
         """The record at a position of the file; None after the last record.
 
-        Only a chunk may extend beyond the end of the file. The method raises BrokenBagError if no
-        record begins at the position.
+        A chunk that is cut off by the end of the file is returned like a whole chunk. The method
+        raises BrokenBagError if no record begins at the position, or if any other record is cut off
+        by the end of the file.
         """
 
     @abstractmethod
