@@ -59,9 +59,10 @@ def likeliest_other_mode(
 def compare_with_mode(matches: PackedMatches, pose: Pose, mode: Pose) -> float:
     """Log-likelihood ratio of a pose to a given mode, which is refined in place.
 
-    Both refinements start with the noise parameters of ``pose``, which stays unchanged. The ratio
-    is infinite if the direction of the refined mode is within 30 degrees (`COS_SAME_MODE`) of that
-    of ``pose``.
+    The ratio compares two local maxima of the likelihood: one refined from a copy of ``pose``, the
+    other refined from ``mode`` and written to ``mode``. Both refinements start with the noise
+    parameters of ``pose``. The ratio is infinite if the direction of the refined mode is within 30
+    degrees (`COS_SAME_MODE`) of that of ``pose``.
     """
     own = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
     _refine_from(matches, pose.R, pose.t, pose.mixture, own)
