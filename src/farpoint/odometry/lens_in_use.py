@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ import scipy
 from farpoint._kernels.constants import GATE_SIGMA
 from farpoint.camera import Camera
 from farpoint.odometry.constants import LENS_CHANGE_FALSE_ALARM
-from farpoint.path.lens import LensEstimate
+from farpoint.path.lens import LensEstimate, readout_prior
 from farpoint.path.options import LensRefinementOptions
 
 __all__ = ["LensInUse"]
@@ -36,12 +37,18 @@ class LensInUse:
     """
 
     def __init__(self, camera: Camera, options: LensRefinementOptions) -> None:
-        self.camera = camera
+        self.camera, self._options = camera, options
         if options.readout_ms is not None:
             self.camera = camera.with_readout(1e-3 * options.readout_ms)
         self._is_shutter_known = self.camera.readout_s is not None
         self._z: np.ndarray | None = None  # lens in use; None for the given lens
         self._solution: np.ndarray | None = None  # lens covariance at the last update
+
+    def begin(self, seconds: float) -> None:
+        """Take the prior of an unknown read-out time, given the time between two frames."""
+        if self.camera.readout_s is None and self._options.refine and seconds > 0.0:
+            prior = readout_prior(self.camera, self._options, seconds)
+            self.camera = self.camera.with_readout(*prior)
 
     def update(self, lens: LensEstimate | None) -> None:
         """Adopt the path's estimate of lens and shutter if the difference is significant."""
@@ -56,9 +63,11 @@ class LensInUse:
             covariance = lens.covariance[:-1, :-1] + np.outer(moved, moved)
             covariance = lens.factor @ covariance @ lens.factor.T
             self.camera = self.camera.with_parameter_covariance(covariance)
-        sigma_s = lens.readout_sigma_s
-        if not self._is_shutter_known and lens.readout_s > GATE_SIGMA * sigma_s:
-            self.camera = self.camera.with_readout(lens.readout_s, sigma_s)
+        readout_s, sigma_s = lens.readout_s, lens.readout_sigma_s
+        if not self._is_shutter_known and readout_s > GATE_SIGMA * sigma_s:
+            self.camera = self.camera.with_readout(readout_s, sigma_s)
+        elif not self._is_shutter_known and self._options.refine:
+            self.camera = self.camera.with_readout(0.0, math.hypot(readout_s, sigma_s))
 
     def interval_s(self, seconds: float) -> float | None:
         """Time between two views, s, at least the read-out time; None if either time is unknown."""

@@ -299,6 +299,7 @@ class Odometry:
         tracks = self._tracker.match(image, self._prediction(reference))
         matched = time.perf_counter()
         seconds = self._captured - reference.captured
+        self._lens.begin(seconds)
         tracks, searched = self._without_perspective(tracks, seconds, reference)
         views = self._views(self._lens.camera, tracks, seconds)
         pose = estimate_views(views, self._pose_options(), self.options.seed, searched)

@@ -19,7 +19,7 @@ from farpoint.path.constants import (
 from farpoint.path.kernels.projection import by_sigmas
 from farpoint.path.options import LensRefinementOptions
 
-__all__ = ["LensEstimate", "LensReport", "given_lens", "with_prior"]
+__all__ = ["LensEstimate", "LensReport", "given_lens", "readout_prior", "with_prior"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -111,7 +111,7 @@ class LensEstimate:
         self.z = np.zeros(self.factor.shape[1])
         self._linear_z = self.z
         self._model = self._refinable
-        self.readout_s, readout_sigma_s = _shutter(camera, options, interval_s)
+        self.readout_s, readout_sigma_s = readout_prior(camera, options, interval_s)
         self.covariance = np.diag([1.0] * len(self.z) + [readout_sigma_s**2])
         self._reach = self._reach_px()
 
@@ -248,7 +248,7 @@ class LensEstimate:
         return reach[np.isfinite(reach).all(axis=(1, 2))]
 
 
-def _shutter(
+def readout_prior(
     camera: Camera, options: LensRefinementOptions, interval_s: float
 ) -> tuple[float, float]:
     """Prior of the read-out time: mean and 1-sigma, s."""
