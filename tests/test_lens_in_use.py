@@ -66,8 +66,13 @@ def test_an_exact_lens_stays_exact_until_another_is_adopted():
 def test_a_shutter_is_global_until_its_read_out_stands_out():
     in_use = LensInUse(CAMERA, LensRefinementOptions())
     assert in_use.interval_s(INTERVAL_S) is None
+    in_use.begin(INTERVAL_S)
+    assert in_use.camera.readout_s == 0.0
+    assert in_use.camera.readout_sigma_s == pytest.approx(0.5 * INTERVAL_S)
+    assert in_use.interval_s(INTERVAL_S) == INTERVAL_S
     in_use.update(found_of(CAMERA, focal=0.0, sigma=1.0, readout_s=0.002))
-    assert in_use.camera.readout_s is None
+    assert in_use.camera.readout_s == 0.0
+    assert in_use.camera.readout_sigma_s == pytest.approx(np.hypot(0.002, 0.001))
     in_use.update(found_of(CAMERA, focal=0.0, sigma=1.0, readout_s=0.02))
     assert (in_use.camera.readout_s, in_use.camera.readout_sigma_s) == pytest.approx((0.02, 0.001))
     assert in_use.interval_s(INTERVAL_S) == INTERVAL_S
@@ -85,5 +90,13 @@ def test_a_shutter_is_global_until_its_read_out_stands_out():
 )
 def test_a_read_out_that_was_given_stays(camera, options):
     in_use = LensInUse(camera, options)
+    in_use.begin(INTERVAL_S)
     in_use.update(found_of(replace(camera, readout_s=None), focal=0.0, sigma=1.0, readout_s=0.02))
     assert in_use.camera.readout_s == pytest.approx(0.01)
+
+
+def test_an_unknown_shutter_is_global_if_nothing_is_estimated():
+    in_use = LensInUse(CAMERA, LensRefinementOptions(refine=False))
+    in_use.begin(INTERVAL_S)
+    in_use.update(found_of(CAMERA, focal=0.0, sigma=1.0, readout_s=0.0))
+    assert in_use.camera == CAMERA

@@ -26,7 +26,8 @@ class LensInUse:
     After a change, or if the given camera has an uncertainty, the lens covariance is ``C + d d^T``,
     where C is the covariance of the path's estimate, and d is the difference between the lens in
     use and the path's estimate. An unknown shutter counts as global until the estimated read-out
-    time exceeds 3 sigma.
+    time exceeds 3 sigma. Until then, the 1-sigma of the read-out time is the root mean square error
+    of this assumption: the root of the sum of squares of the path's estimate and its sigma.
 
     Parameters
     ----------
