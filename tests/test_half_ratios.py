@@ -39,7 +39,8 @@ def test_what_is_long_past_is_forgotten():
 
 def odometry(**options) -> Odometry:
     pose = RelativePoseOptions(**options)
-    return Odometry(CAMERA, OdometryOptions(tracker=TrackerOptions(max_tracks=250), pose=pose))
+    tracker = TrackerOptions(max_tracks=250)
+    return Odometry(CAMERA.with_readout(0.0), OdometryOptions(tracker=tracker, pose=pose))
 
 
 def test_a_pair_uses_the_mean_ratio_of_the_earlier_pairs():

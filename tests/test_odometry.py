@@ -84,7 +84,8 @@ def test_every_pair_has_the_motion_that_was_made(results):
 
 
 def test_halves_of_the_tracks_of_a_pair_agree_about_its_motion():
-    odometry = Odometry(CAMERA, OPTIONS)
+    # Halves have the same read-out time: its error is no part of their difference.
+    odometry = Odometry(CAMERA.with_readout(0.0), OPTIONS)
     results = list(odometry.run(frames(list(IMAGES))))
     halves = [odometry.split_half(result) for result in results[1:]]
     found = evaluate_halves(halves)
