@@ -42,9 +42,7 @@ def test_the_first_covariances_contain_the_unknown_read_out():
     inside = []
     for seed in range(1, 4):
         imaging = ImagingOptions(readout_s=0.3 / FPS)
-        sequence = RenderedSequence(
-            CAMERA, handheld_walk(9, FPS, seed), seed=seed, imaging=imaging
-        )
+        sequence = RenderedSequence(CAMERA, handheld_walk(9, FPS, seed), seed=seed, imaging=imaging)
         for result in Odometry(CAMERA).run(sequence):
             if result.frame1 == 0:
                 continue
