@@ -41,13 +41,13 @@ class LensInUse:
         self.camera, self._options = camera, options
         if options.readout_ms is not None:
             self.camera = camera.with_readout(1e-3 * options.readout_ms)
-        self._is_shutter_known = self.camera.readout_s is not None
+        self._estimates_shutter = self.camera.readout_s is None and options.refine
         self._z: np.ndarray | None = None  # lens in use; None for the given lens
         self._solution: np.ndarray | None = None  # lens covariance at the last update
 
     def begin(self, seconds: float) -> None:
         """Take the prior of an unknown read-out time, given the time between two frames."""
-        if self.camera.readout_s is None and self._options.refine and seconds > 0.0:
+        if self._estimates_shutter and self.camera.readout_s is None and seconds > 0.0:
             prior = readout_prior(self.camera, self._options, seconds)
             self.camera = self.camera.with_readout(*prior)
 
@@ -64,10 +64,12 @@ class LensInUse:
             covariance = lens.covariance[:-1, :-1] + np.outer(moved, moved)
             covariance = lens.factor @ covariance @ lens.factor.T
             self.camera = self.camera.with_parameter_covariance(covariance)
+        if not self._estimates_shutter:
+            return
         readout_s, sigma_s = lens.readout_s, lens.readout_sigma_s
-        if not self._is_shutter_known and readout_s > GATE_SIGMA * sigma_s:
+        if readout_s > GATE_SIGMA * sigma_s:
             self.camera = self.camera.with_readout(readout_s, sigma_s)
-        elif not self._is_shutter_known and self._options.refine:
+        else:
             self.camera = self.camera.with_readout(0.0, math.hypot(readout_s, sigma_s))
 
     def interval_s(self, seconds: float) -> float | None:
