@@ -137,10 +137,11 @@ def test_a_lock_ends_with_its_process_not_with_its_file(tmp_path: Path):
 def test_no_two_hold_a_folder_however_often_it_is_released(tmp_path: Path):
     holders, most, held = 0, 0, 0
     counting = threading.Lock()
+    deadline = time.monotonic() + 60.0
 
     def hold_often() -> None:
         nonlocal holders, most, held
-        for _ in range(300):
+        while held < 200 and time.monotonic() < deadline:
             try:
                 lock = FolderLock(tmp_path)
             except InputError:
@@ -160,7 +161,7 @@ def test_no_two_hold_a_folder_however_often_it_is_released(tmp_path: Path):
     for thread in threads:
         thread.join()
     assert most == 1
-    assert held > 100
+    assert held >= 200
 
 
 def test_a_file_system_without_locks_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
