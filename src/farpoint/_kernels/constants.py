@@ -75,6 +75,10 @@ NO_TAIL_SHARE = 1e-9
 # matches have the same robust weight, as in least squares. Chosen.
 UNIFORM_WEIGHTS_VARIANCE = 1e20
 
+# Lower bound of the information on an unknown, because the inverse of zero would overflow. Derived:
+# a standard deviation of 1e12 rad or units of the path.
+LEAST_INFORMATION = ROUNDING * ROUNDING
+
 # --- Statistics
 
 # Number of standard deviations beyond which normal noise does not explain a residual or a parallax,
@@ -89,6 +93,10 @@ STUDENT_FREEDOM = 5.0
 # effective number of matches divided by this number is the effective number along one axis of the
 # pose. Derived: rotation (3), direction (2).
 POSE_PARAMETERS = 5
+
+# Number of errors of a rolling shutter. Derived: read-out time (1), and derivative of the angular
+# velocity (3).
+SHUTTER_ERRORS = 4
 
 # Least number of matches for a motion, and for any group of matches that is tested or fitted by
 # itself. Convention: five matches fix a motion, and a consensus needs a few more.
@@ -129,6 +137,14 @@ OUTER_ROUNDS = 3
 # method for five rays ends at a step of this length, and rays are taken as linear in a rotation up
 # to this angle. Derived: the second-order term is 5e-5 rad.
 LINEAR_STEP_RAD = 0.01
+
+# Change of an error of the lens, in sigma of the error, up to which rays are linear in the error.
+# Chosen.
+LENS_LINEAR_SIGMA = 0.5
+
+# Largest element of a Gauss-Newton step of the lens errors, in sigma of each error, at convergence.
+# Convention.
+LENS_CONVERGED_SIGMA = 0.01
 
 # Predicted decrease of the cost, in log likelihood, at which a coarse refinement ends: the
 # refinement of a hypothesis, of the two motions of a plane, and the first of the two refinements of

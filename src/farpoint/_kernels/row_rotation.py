@@ -9,7 +9,7 @@ import numpy as np
 from farpoint._kernels.compile import inlined_kernel, kernel
 from farpoint._kernels.vectors import Matrix, Vector, cross, dot, rotate, vector
 
-__all__ = ["rotate_rows", "unroll_rays"]
+__all__ = ["axis_and_angle", "column", "rotation_about", "unroll_rays"]
 
 
 @kernel
@@ -29,37 +29,25 @@ def unroll_rays(
     rotation vector of the camera from the first row to the last.
     """
     velocity = vector(rate)
-    axis, angle = _axis_and_angle(velocity)
+    axis, angle = axis_and_angle(velocity)
     for i in range(len(rays)):
-        C = _rotation_about(axis, -angle * phases[i])
+        C = rotation_about(axis, -angle * phases[i])
         ray = rotate(C, vector(rays[i]))
         unrolled[i, 0], unrolled[i, 1], unrolled[i, 2] = ray
         later = cross(velocity, ray)
         for k in range(3):
-            unrolled_by_pixel[i, k, 0] = dot(C[k], _column(by_pixel, i, 0))
-            unrolled_by_pixel[i, k, 1] = dot(C[k], _column(by_pixel, i, 1)) - per_px * later[k]
-
-
-@kernel
-def rotate_rows(
-    columns: np.ndarray, phases: np.ndarray, rate: np.ndarray, rotated: np.ndarray
-) -> None:
-    """Rotated columns (N, 3, K), ``Exp(-phase rate) column``."""
-    axis, angle = _axis_and_angle(vector(rate))
-    for i in range(len(columns)):
-        C = _rotation_about(axis, -angle * phases[i])
-        for j in range(columns.shape[2]):
-            column = rotate(C, _column(columns, i, j))
-            rotated[i, 0, j], rotated[i, 1, j], rotated[i, 2, j] = column
+            unrolled_by_pixel[i, k, 0] = dot(C[k], column(by_pixel, i, 0))
+            unrolled_by_pixel[i, k, 1] = dot(C[k], column(by_pixel, i, 1)) - per_px * later[k]
 
 
 @inlined_kernel
-def _column(columns: np.ndarray, i: int, j: int) -> Vector:
+def column(columns: np.ndarray, i: int, j: int) -> Vector:
+    """Column j of matrix i of an array (N, 3, K)."""
     return columns[i, 0, j], columns[i, 1, j], columns[i, 2, j]
 
 
 @inlined_kernel
-def _axis_and_angle(v: Vector) -> tuple[Vector, float]:
+def axis_and_angle(v: Vector) -> tuple[Vector, float]:
     """Unit vector along a rotation vector (or zero), and the length of the rotation vector, rad."""
     angle = math.sqrt(dot(v, v))
     over = 1.0 / angle if angle > 0.0 else 0.0
@@ -67,7 +55,7 @@ def _axis_and_angle(v: Vector) -> tuple[Vector, float]:
 
 
 @inlined_kernel
-def _rotation_about(axis: Vector, angle: float) -> Matrix:
+def rotation_about(axis: Vector, angle: float) -> Matrix:
     """Rotation matrix by Rodrigues's formula."""
     x, y, z = axis
     s, c = math.sin(angle), 1.0 - math.cos(angle)

@@ -198,10 +198,6 @@ SMOOTHING = 0.8
 
 # --- Kernels
 
-# Lower bound of the information on an unknown, because the inverse of zero would overflow. Derived:
-# a standard deviation of 1e12 rad or units of the path.
-LEAST_INFORMATION = 1e-24
-
 # Relative ridge on the information of a frame's pose, for components that no point constrains.
 # Chosen.
 WINDOW_RIDGE = 1e-9

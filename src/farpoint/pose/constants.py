@@ -226,18 +226,6 @@ MAX_COMPRESSION_EXCESS = 1.0
 # two sums over the same matches.
 LENS_INLIERS = 200
 
-# Largest element of a Gauss-Newton step of the lens errors, in sigma of each error, at convergence.
-# Convention.
-LENS_CONVERGED_SIGMA = 0.01
-
-# Number of errors of a rolling shutter. Derived: read-out time (1), and derivative of the angular
-# velocity (3).
-SHUTTER_ERRORS = 4
-
-# Change of an error of the lens, in sigma of the error, up to which rays are linear in the error.
-# Chosen.
-LENS_LINEAR_SIGMA = 0.5
-
 # Remaining error of the correction of rolling-shutter rows, in sigma of the rotation, at which the
 # fixed-point iteration of rotation and correction ends. Chosen.
 ROWS_CONVERGED_SIGMA = 0.1

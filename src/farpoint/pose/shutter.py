@@ -20,7 +20,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.row_rotation import rotate_rows, unroll_rays
+from farpoint._kernels.lens_errors import RowMotion
+from farpoint._kernels.row_rotation import unroll_rays
 from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.pose.matches import check_camera, checked_rows
@@ -127,15 +128,17 @@ class Shutter(NamedTuple):
         unroll_rays(rays, by_pixel, self.phases(image), rate, self.phase_per_px, *unrolled)
         return unrolled
 
-    def columns_unrolled(self, theta: np.ndarray, image: int, columns: np.ndarray) -> np.ndarray:
-        """K vectors (N, 3, K) per match of image 0 or 1, in the axes of the middle row."""
-        rotated = np.empty(columns.shape)
-        rotate_rows(columns, self.phases(image), self.share * self.rate(theta, image), rotated)
-        return rotated
+    def motion(self, theta: np.ndarray, image: int) -> RowMotion:
+        """Rotation of the camera while image 0 or 1 is read, and its derivatives by errors.
 
-    def select(self, rows: np.ndarray) -> Shutter:
-        """The shutter of the given rows of the matches."""
-        return self._replace(phase0=self.phase0[rows], phase1=self.phase1[rows])
+        The errors of the read-out time and of `derivative` are in units of one sigma.
+        """
+        rate = self.rate(theta, image)
+        by_derivative = 0.0
+        if self.angular_prior is not None:
+            factor = self.angular_prior.by_derivative[image]
+            by_derivative = self.share * factor * self.angular_prior.sigma
+        return RowMotion(self.share * rate, self.sigma * rate, by_derivative, self.phase_per_px)
 
     def time_between(self, rows: np.ndarray) -> float:
         """Mean time between the two rows of a match, divided by the time between the middle rows.

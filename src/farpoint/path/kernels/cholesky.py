@@ -6,61 +6,24 @@ than a product takes. The functions write their results into arrays that the cal
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
+from farpoint._kernels.cholesky import factorised, solved
 from farpoint._kernels.compile import loop_kernel
-from farpoint.path.constants import LEAST_INFORMATION
 
 __all__ = ["eliminate_points", "factorise", "invert", "point_variances", "solve"]
 
 
 @loop_kernel
 def factorise(H, damping, unit, L):
-    """Cholesky factor L (D, D) of ``S H S + damping I``, where S scales ``H`` to a unit diagonal.
-
-    ``S = diag(unit)``. Results: ``unit`` (D,), and the lower triangle of L.
-
-    Returns
-    -------
-    bool
-        Whether the scaled matrix is positive definite.
-    """
-    n = len(H)
-    for i in range(n):
-        unit[i] = 1.0 / math.sqrt(max(H[i, i], LEAST_INFORMATION))
-    for i in range(n):
-        for j in range(i + 1):
-            total = H[i, j] * unit[i] * unit[j]
-            if i == j:
-                total += damping
-            for k in range(j):
-                total -= L[i, k] * L[j, k]
-            if i > j:
-                L[i, j] = total / L[j, j]
-            elif total > 0.0 and total < math.inf:
-                L[i, i] = math.sqrt(total)
-            else:
-                return False
-    return True
+    """`factorised`, called by Python."""
+    return factorised(H, damping, unit, L)
 
 
 @loop_kernel
 def solve(L, unit, g, x):
-    """Solve ``H x = g`` with the factor ``L, unit`` of H from `factorise`."""
-    n = len(g)
-    for i in range(n):
-        total = g[i] * unit[i]
-        for k in range(i):
-            total -= L[i, k] * x[k]
-        x[i] = total / L[i, i]
-    for i in range(n - 1, -1, -1):
-        x[i] /= L[i, i]
-        for k in range(i):
-            x[k] -= L[i, k] * x[i]
-    for i in range(n):
-        x[i] *= unit[i]
+    """`solved`, called by Python."""
+    solved(L, unit, g, x)
 
 
 @loop_kernel

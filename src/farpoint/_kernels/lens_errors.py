@@ -1,0 +1,434 @@
+"""Effect of errors of lens and shutter on rays, on the motion, and on the flow that a turn leaves.
+
+The errors ``z`` (r,) are in units of one sigma. The last four are the errors of a rolling shutter:
+read-out time (1), and derivative of the angular velocity (3). The others are errors of the lens.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from farpoint._kernels.arrays import clear
+from farpoint._kernels.cholesky import factorised, solved
+from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel
+from farpoint._kernels.constants import (
+    LENS_CONVERGED_SIGMA,
+    LENS_LINEAR_SIGMA,
+    LINEAR_STEP_RAD,
+    ROUNDING,
+    STUDENT_FREEDOM,
+    TINY,
+)
+from farpoint._kernels.linear import apply_rotation_step
+from farpoint._kernels.row_rotation import axis_and_angle, column, rotation_about
+from farpoint._kernels.vectors import (
+    Matrix,
+    Vector,
+    cross,
+    dot,
+    matrix,
+    rotate,
+    rotate_back,
+    vector,
+)
+
+__all__ = [
+    "RaysWithErrors",
+    "RowMotion",
+    "explain_by_rotation",
+    "lens_sensitivity",
+    "rays_with_errors",
+]
+
+
+class RaysWithErrors(NamedTuple):
+    """Unit rays (N, 3), with derivatives by the pixel (N, 3, 2) and by the errors (N, 3, r)."""
+
+    rays: np.ndarray
+    by_pixel: np.ndarray
+    by_error: np.ndarray
+
+
+class RowMotion(NamedTuple):
+    """Rotation of a camera while the rows of an image are read.
+
+    ``rate`` (3,) is the rotation vector from the first row to the last, ``by_readout`` (3,) its
+    derivative by the error of the read-out time, and ``by_derivative`` the factor of its derivative
+    by the errors of the derivative of the angular velocity. ``per_px`` is the change of the phase
+    of a row from one row to the next. By default, the shutter is global.
+    """
+
+    rate: np.ndarray = np.zeros(3)
+    by_readout: np.ndarray = np.zeros(3)
+    by_derivative: float = 0.0
+    per_px: float = 0.0
+
+
+@kernel
+def rays_with_errors(
+    rays: np.ndarray,
+    by_pixel: np.ndarray,
+    by_parameters: np.ndarray,
+    factor: np.ndarray,
+    phases: np.ndarray,
+    rows: RowMotion,
+    out: RaysWithErrors,
+) -> None:
+    """Rays of an image in the axes of the middle row, and their derivatives.
+
+    The pixel of a ray does not change with the lens. By the implicit function theorem, the
+    derivative of the ray by the lens is ``-(d ray / d pixel) (d pixel / d lens)``.
+
+    Parameters
+    ----------
+    rays, by_pixel : ndarray, shapes (N, 3) and (N, 3, 2)
+        Rays in the axes of their rows, and derivatives by the pixel.
+    by_parameters : ndarray, shape (N, 2, P)
+        Derivatives of the pixels by the parameters of the lens.
+    factor : ndarray, shape (P, r - 4)
+        Changes of the parameters by the errors of the lens.
+    phases : ndarray, shape (N,)
+        Time of each row after the middle row, divided by the read-out time.
+    rows : RowMotion
+    out : RaysWithErrors
+        Receives the result.
+    """
+    velocity, by_readout = vector(rows.rate), vector(rows.by_readout)
+    axis, angle = axis_and_angle(velocity)
+    lens = factor.shape[1]
+    for i in range(len(rays)):
+        C = rotation_about(axis, -angle * phases[i])
+        ray = rotate(C, vector(rays[i]))
+        later = cross(velocity, ray)
+        u, v = rotate(C, column(by_pixel, i, 0)), rotate(C, column(by_pixel, i, 1))
+        for j in range(lens):
+            by_u = by_v = 0.0
+            for p in range(len(factor)):
+                by_u += by_parameters[i, 0, p] * factor[p, j]
+                by_v += by_parameters[i, 1, p] * factor[p, j]
+            for k in range(3):
+                out.by_error[i, k, j] = -u[k] * by_u - by_v * v[k]
+        by_time = cross(by_readout, ray)
+        by_turn = _by_turn(ray)
+        for k in range(3):
+            out.rays[i, k] = ray[k]
+            out.by_pixel[i, k, 0] = u[k]
+            out.by_pixel[i, k, 1] = v[k] - rows.per_px * later[k]
+            out.by_error[i, k, lens] = -phases[i] * by_time[k]
+            for m in range(3):
+                out.by_error[i, k, lens + 1 + m] = -phases[i] * rows.by_derivative * by_turn[k][m]
+
+
+@kernel
+def explain_by_rotation(
+    R: np.ndarray,
+    first: RaysWithErrors,
+    second: RaysWithErrors,
+    noise_px: float,
+    farthest2: float,
+    contradicts2: float,
+    steps: int,
+    z: np.ndarray,
+) -> tuple[bool, int]:
+    """Errors of lens and shutter with which a rotation explains most of the flow, by Gauss-Newton.
+
+    The method maximises the likelihood of the rotation and of the errors times the prior of the
+    errors. The likelihood has heavy tails, because near points also move by the translation.
+
+    Parameters
+    ----------
+    R : ndarray, shape (3, 3)
+        Initial rotation, cam1_from_cam0; receives the rotation of the last step.
+    first, second : RaysWithErrors
+        The rays of both images with the errors ``z``.
+    noise_px : float
+        Sigma of a pixel coordinate, px.
+    farthest2 : float
+        Largest sum of squares of the errors.
+    contradicts2 : float
+        Squared Mahalanobis distance of a flow beyond which a match contradicts the rotation.
+    steps : int
+        Largest number of steps.
+    z : ndarray, shape (r,)
+        Initial errors; receives the errors of the last step.
+
+    Returns
+    -------
+    is_explained : bool
+        False if more than half of the matches contradict a rotation.
+    remaining : int
+        0 at the end; the number of steps that remain if a step has left the range in which the rays
+        are linear in rotation and errors.
+    """
+    size, matches = 3 + len(z), len(first.rays)
+    flow0, by_x = np.empty((matches, 3)), np.empty((matches, 3, size))
+    count = _flow_per_sigma(matrix(R), first, second, noise_px, flow0, by_x)
+    flow = np.empty((count, 3))
+    x, moved, step = np.zeros(size), np.zeros(size), np.zeros(size)
+    for k in range(len(z)):
+        x[3 + k] = z[k]
+    H, g, L, unit = np.empty((size, size)), np.empty(size), np.empty((size, size)), np.empty(size)
+    _flow_at(flow0, by_x, moved, flow)
+    is_linear, is_final = True, False
+    while steps > 0 and is_linear and not is_final:
+        steps -= 1
+        _sum_robust(flow, by_x, H, g)
+        for k in range(3, size):
+            H[k, k] += 1.0
+            g[k] += x[k]
+        clear(step)
+        if factorised(H, ROUNDING, unit, L):
+            solved(L, unit, g, step)
+        for k in range(size):
+            moved[k] -= step[k]
+        _flow_at(flow0, by_x, moved, flow)
+        if 2 * _count_beyond(flow, contradicts2) > count:
+            return False, 0
+        for k in range(size):
+            x[k] -= step[k]
+        if _shorten(farthest2, x, moved):
+            _flow_at(flow0, by_x, moved, flow)
+        is_final, is_linear = _largest(step, 3) < LENS_CONVERGED_SIGMA, _is_linear(moved)
+    apply_rotation_step(R, x[0], x[1], x[2], R)
+    for k in range(len(z)):
+        z[k] = x[3 + k]
+    return True, 0 if is_final else steps
+
+
+@inner_kernel
+def _flow_per_sigma(
+    R: Matrix,
+    first: RaysWithErrors,
+    second: RaysWithErrors,
+    noise_px: float,
+    flow: np.ndarray,
+    by_x: np.ndarray,
+) -> int:
+    """Derotated flow ``b - R a`` (N, 3) and its derivatives (N, 3, 3 + r), divided by the sigma.
+
+    ``x`` is ``[dtheta, z]``. To first order in the length of the flow, the flow is perpendicular to
+    ``b``. The result is the number of matches with finite rays, to which the first rows belong.
+    Through a lens with errors, some pixels may have no ray.
+    """
+    count = 0
+    for i in range(len(first.rays)):
+        rotated = rotate(R, vector(first.rays[i]))
+        scale = 1.0 / (noise_px * math.sqrt(_flow_variance(first, second, i)))
+        by_turn = _by_turn(rotated)
+        total = 0.0
+        for k in range(3):
+            flow[count, k] = scale * (second.rays[i, k] - rotated[k])
+            for j in range(3):
+                by_x[count, k, j] = -scale * by_turn[k][j]
+            for j in range(first.by_error.shape[2]):
+                by_first = dot(R[k], column(first.by_error, i, j))
+                by_x[count, k, 3 + j] = scale * (second.by_error[i, k, j] - by_first)
+                total += by_x[count, k, 3 + j]
+            total += flow[count, k]
+        if math.isfinite(total):
+            count += 1
+    return count
+
+
+@inner_kernel
+def _flow_at(flow0: np.ndarray, by_x: np.ndarray, x: np.ndarray, flow: np.ndarray) -> None:
+    """``flow = flow0 + by_x x`` for the first rows."""
+    for i in range(len(flow)):
+        for k in range(3):
+            total = flow0[i, k]
+            for j in range(len(x)):
+                total += by_x[i, k, j] * x[j]
+            flow[i, k] = total
+
+
+@inner_kernel
+def _sum_robust(flow: np.ndarray, by_x: np.ndarray, H: np.ndarray, g: np.ndarray) -> None:
+    """Normal equations of the flow (N, 3), with Student's t weights."""
+    clear(g)
+    for j in range(len(g)):
+        clear(H[j])
+    for i in range(len(flow)):
+        weight = (STUDENT_FREEDOM + 2.0) / (STUDENT_FREEDOM + _square(flow, i))
+        for k in range(3):
+            _add_row(by_x[i, k], weight, flow[i, k], H, g)
+
+
+@inner_kernel
+def _add_row(
+    by_x: np.ndarray, weight: float, residual: float, H: np.ndarray, g: np.ndarray
+) -> None:
+    for j in range(len(g)):
+        scaled = weight * by_x[j]
+        g[j] += scaled * residual
+        for m in range(j + 1):
+            H[j, m] += scaled * by_x[m]
+
+
+@inner_kernel
+def _count_beyond(flow: np.ndarray, square: float) -> int:
+    count = 0
+    for i in range(len(flow)):
+        count += _square(flow, i) > square
+    return count
+
+
+@inlined_kernel
+def _square(flow: np.ndarray, i: int) -> float:
+    return flow[i, 0] * flow[i, 0] + flow[i, 1] * flow[i, 1] + flow[i, 2] * flow[i, 2]
+
+
+@inner_kernel
+def _shorten(farthest2: float, x: np.ndarray, moved: np.ndarray) -> bool:
+    """Scale the errors in ``x`` down to the squared length ``farthest2``; whether they were longer.
+
+    ``moved``, the distance of ``x`` from the point of linearisation, changes by the same amount.
+    """
+    length2 = 0.0
+    for k in range(3, len(x)):
+        length2 += x[k] * x[k]
+    if length2 <= farthest2:
+        return False
+    excess = 1.0 - math.sqrt(farthest2 / length2)
+    for k in range(3, len(x)):
+        moved[k] -= excess * x[k]
+        x[k] -= excess * x[k]
+    return True
+
+
+@inner_kernel
+def _is_linear(moved: np.ndarray) -> bool:
+    """Whether rays are linear in a change of rotation (3) and errors (r)."""
+    return _largest(moved, 3) <= LENS_LINEAR_SIGMA and _largest(moved[:3], 0) <= LINEAR_STEP_RAD
+
+
+@inner_kernel
+def _largest(x: np.ndarray, first: int) -> float:
+    largest = 0.0
+    for k in range(first, len(x)):
+        largest = max(largest, abs(x[k]))
+    return largest
+
+
+@kernel
+def lens_sensitivity(
+    R: np.ndarray,
+    t: np.ndarray,
+    basis: np.ndarray,
+    first: RaysWithErrors,
+    second: RaysWithErrors,
+    sensitivity: np.ndarray,
+) -> None:
+    """Derivatives (3 + B, r) of a motion by the errors, ``-H^-1 sum(w dr/dx dr/dz)``.
+
+    The residuals r are those of the epipolar constraint for a motion with the direction ``t`` and
+    its ``basis`` (3, 2), and ``x`` is ``[dtheta, dbeta]``. For a ``basis`` (3, 0), the motion is a
+    rotation, and the residuals are the flow that the rotation leaves. The derivatives are zero
+    along directions of ``x`` that the matches do not determine.
+    """
+    size, errors = sensitivity.shape
+    H, G = np.zeros((size, size)), np.zeros((errors, size))
+    row, by_error = np.empty(size), np.empty(errors)
+    rotation, direction = matrix(R), vector(t)
+    for i in range(len(first.rays)):
+        if basis.shape[1]:
+            weight = _epipolar_row(rotation, direction, basis, first, second, i, row, by_error)
+            _add_products(row, by_error, weight, H, G)
+        else:
+            weight = 1.0 / _flow_variance(first, second, i)
+            for k in range(3):
+                _flow_row(rotation, first, second, i, k, row, by_error)
+                _add_products(row, by_error, weight, H, G)
+    L, unit, x = np.empty((size, size)), np.empty(size), np.zeros(size)
+    is_regular = factorised(H, ROUNDING, unit, L)
+    for j in range(errors):
+        if is_regular:
+            solved(L, unit, G[j], x)
+        for k in range(size):
+            sensitivity[k, j] = -x[k]
+
+
+@inner_kernel
+def _epipolar_row(
+    R: Matrix,
+    t: Vector,
+    basis: np.ndarray,
+    first: RaysWithErrors,
+    second: RaysWithErrors,
+    i: int,
+    row: np.ndarray,
+    by_error: np.ndarray,
+) -> float:
+    """Derivatives of ``e = b . (t x R a)`` by motion and errors, and the weight ``1 / var(e)``."""
+    a, b = rotate(R, vector(first.rays[i])), vector(second.rays[i])
+    across_a, across_b = cross(b, t), cross(t, a)
+    rotated = rotate_back(R, across_a)
+    by_theta, by_t = cross(a, across_a), cross(a, b)
+    for k in range(3):
+        row[k] = by_theta[k]
+    for k in range(2):
+        row[3 + k] = dot(by_t, (basis[0, k], basis[1, k], basis[2, k]))
+    for j in range(len(by_error)):
+        by_error[j] = dot(rotated, column(first.by_error, i, j))
+        by_error[j] += dot(across_b, column(second.by_error, i, j))
+    variance = TINY
+    for k in range(2):
+        variance += dot(rotated, column(first.by_pixel, i, k)) ** 2
+        variance += dot(across_b, column(second.by_pixel, i, k)) ** 2
+    return 1.0 / variance
+
+
+@inner_kernel
+def _flow_row(
+    R: Matrix,
+    first: RaysWithErrors,
+    second: RaysWithErrors,
+    i: int,
+    k: int,
+    row: np.ndarray,
+    by_error: np.ndarray,
+) -> None:
+    """Derivatives of coordinate ``k`` of the flow ``b - R a`` by rotation and errors."""
+    by_turn = _by_turn(rotate(R, vector(first.rays[i])))
+    for j in range(3):
+        row[j] = -by_turn[k][j]
+    for j in range(len(by_error)):
+        by_error[j] = second.by_error[i, k, j] - dot(R[k], column(first.by_error, i, j))
+
+
+@inner_kernel
+def _add_products(
+    row: np.ndarray, by_error: np.ndarray, weight: float, H: np.ndarray, G: np.ndarray
+) -> None:
+    """``H += weight row row^T`` and ``G += weight by_error row^T``, if all numbers are finite."""
+    total = weight
+    for j in range(len(row)):
+        total += row[j]
+    for j in range(len(by_error)):
+        total += by_error[j]
+    if not math.isfinite(total):
+        return
+    for j in range(len(row)):
+        scaled = weight * row[j]
+        for m in range(j + 1):
+            H[j, m] += scaled * row[m]
+        for m in range(len(by_error)):
+            G[m, j] += scaled * by_error[m]
+
+
+@inlined_kernel
+def _flow_variance(first: RaysWithErrors, second: RaysWithErrors, i: int) -> float:
+    """Variance of the flow along one direction, for a variance of 1 px^2 per coordinate."""
+    total = 0.0
+    for k in range(3):
+        for m in range(2):
+            total += first.by_pixel[i, k, m] ** 2 + second.by_pixel[i, k, m] ** 2
+    return max(0.5 * total, TINY)
+
+
+@inlined_kernel
+def _by_turn(a: Vector) -> Matrix:
+    """Matrix with the columns ``e_k x a``: the derivative of ``Exp(dtheta) a``."""
+    return (0.0, a[2], -a[1]), (-a[2], 0.0, a[0]), (a[1], -a[0], 0.0)
