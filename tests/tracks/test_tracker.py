@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from tracks_textures import Waves, photo
 
+import farpoint.tracks.tracker as tracker_module
 from farpoint.errors import InputError
 from farpoint.tracks import (
     CornerOptions,
@@ -16,6 +17,7 @@ from farpoint.tracks import (
     TrackerOptions,
     Tracks,
 )
+from farpoint.tracks.lucas_kanade import track_points
 
 SCENE = Waves(11, shape=(240, 320))
 STILL = photo(SCENE.grey())
@@ -162,6 +164,24 @@ def test_a_wrong_prediction_costs_no_tracks():
         lambda p: p * 1e9,
     ):
         assert len(started().match(moved, wrong)) == len(tracks)
+
+
+@pytest.mark.parametrize("is_right", [True, False])
+def test_tracks_that_leave_the_image_as_predicted_are_not_matched_again(
+    is_right: bool, monkeypatch: pytest.MonkeyPatch
+):
+    """Of 320 px, 180 leave the image; a wrong prediction that only 18 leave it is tried, too."""
+    starts = []
+
+    def counted(image0, image1, points0, start, options):
+        starts.append(start)
+        return track_points(image0, image1, points0, start, options)
+
+    monkeypatch.setattr(tracker_module, "track_points", counted)
+    moved, shift = photo(SCENE.grey(shift=(-180.0, 4.0))), (-180.0, 4.0) if is_right else (-18.0, 9)
+    tracks = started().match(moved, lambda points: points + np.array(shift))
+    assert len(tracks) > 20 or not is_right
+    assert (len(starts) == 1) == is_right
 
 
 def test_tracks_that_leave_the_image_are_dropped():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,6 +36,24 @@ class _Reference:
     pyramid: Pyramid
     ids: np.ndarray
     points: np.ndarray
+
+
+class _Start(NamedTuple):
+    """Initial pixels (N, 2) and warps (N, 2, 2) of tracks, and how many tracks must be found.
+
+    The number is half of the tracks whose initial pixel is in the image, but at least a quarter of
+    all tracks, because an initial pixel outside the image may be wrong.
+    """
+
+    pixels: np.ndarray
+    warps: np.ndarray
+    least_found: float
+
+    @classmethod
+    def of(cls, pixels: np.ndarray, warps: np.ndarray, image: np.ndarray) -> _Start:
+        height, width = image.shape
+        inside = ((pixels > -0.5) & (pixels < (width - 0.5, height - 0.5))).all(axis=1)
+        return cls(pixels, warps, 0.5 * max(np.count_nonzero(inside), 0.5 * len(pixels)))
 
 
 class Tracker:
@@ -107,8 +126,8 @@ class Tracker:
         predict : callable, optional
             Maps pixels (N, 2) of the reference to expected pixels (N, 2) in the image; NaN if
             unknown. The function is also called with neighbouring pixels, to compute expected
-            warps. If fewer than half of the tracks are found, all tracks are matched again without
-            the prediction, and the result with more tracks is returned.
+            warps. If fewer than half of the tracks expected in the image are found, all tracks are
+            matched again without the prediction, and the result with more tracks is returned.
 
         Returns
         -------
@@ -135,37 +154,39 @@ class Tracker:
         image = self._defects.repaired(image)
         pyramid = build_pyramid(image, self.options.matching)
         self._matched = pyramid, None
-        tracks = found = self._match_with_fallback(reference, pyramid, predict)
-        if 2 * len(tracks) < len(reference.ids):
-            found = self._match_normalized_rows(reference, pyramid, predict)
+        starts = _starts(predict, reference.points, image)
+        tracks = found = self._match_from_any(reference, pyramid, starts)
+        if len(tracks) < starts[0].least_found:
+            found = self._match_normalized_rows(reference, pyramid, starts)
         for _ in range(ROW_GAIN_ROUNDS):
             gains = row_gains(reference.pyramid, pyramid, found)
             if gains is None:
                 break
             adapted = build_pyramid(remove_row_gains(image, gains), self.options.matching)
-            tracks = found = self._match_with_fallback(reference, adapted, predict)
+            tracks = found = self._match_from_any(reference, adapted, starts)
             self._matched = pyramid, gains
         return tracks
 
     def _match_normalized_rows(
-        self, reference: _Reference, pyramid: Pyramid, predict: Predict | None
+        self, reference: _Reference, pyramid: Pyramid, starts: list[_Start]
     ) -> Tracks:
         """Match images with normalised rows, because row gains may have made most tracks fail."""
         even0, even1 = (
             build_pyramid(normalize_rows(level.image), self.options.matching)
             for level in (reference.pyramid, pyramid)
         )
-        return self._match_with_fallback(replace(reference, pyramid=even0), even1, predict)
+        return self._match_from_any(replace(reference, pyramid=even0), even1, starts)
 
-    def _match_with_fallback(
-        self, reference: _Reference, pyramid: Pyramid, predict: Predict | None
+    def _match_from_any(
+        self, reference: _Reference, pyramid: Pyramid, starts: list[_Start]
     ) -> Tracks:
-        tracks = self._match(reference, pyramid, *_predicted(predict, reference.points))
-        if predict is not None and 2 * len(tracks) < len(reference.ids):
-            # The prediction may be wrong.
-            unpredicted = self._match(reference, pyramid, *_predicted(None, reference.points))
-            tracks = max(tracks, unpredicted, key=len)
-        return tracks
+        """Match from the first start that finds enough tracks, or from that which finds most."""
+        best = Tracks.empty()
+        for start in starts:
+            best = max(best, self._match(reference, pyramid, start), key=len)
+            if len(best) >= start.least_found:
+                break
+        return best
 
     def sees_texture(self, image: np.ndarray) -> bool:
         """Whether an image has at least 8 corners and at least 1 % of the requested corners."""
@@ -234,12 +255,11 @@ class Tracker:
         self,
         reference: _Reference,
         pyramid: Pyramid,
-        start: np.ndarray,
-        warps: np.ndarray,
+        start: _Start,
     ) -> Tracks:
         options = self.options
         rough, is_found = track_points(
-            reference.pyramid, pyramid, reference.points, start, options.matching
+            reference.pyramid, pyramid, reference.points, start.pixels, options.matching
         )
         ids, points0 = reference.ids[is_found], reference.points[is_found]
         points1, covariance_px2, found, windows = refine(
@@ -248,7 +268,7 @@ class Tracker:
             points0,
             rough[is_found],
             options.refinement,
-            warps[is_found],
+            start.warps[is_found],
         )
         return Tracks(
             ids=ids,
@@ -315,12 +335,16 @@ def _size(image: np.ndarray) -> str:
     return f"{image.shape[1]}x{image.shape[0]}"
 
 
-def _predicted(predict: Predict | None, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Expected pixels (N, 2) of points (N, 2), and derivatives (N, 2, 2) of the expected pixels."""
-    warps = np.broadcast_to(np.eye(2), (len(points), 2, 2)).copy()
+def _starts(predict: Predict | None, points: np.ndarray, image: np.ndarray) -> list[_Start]:
+    """The predicted start, if there is a prediction, and the start at the same ``points`` (N, 2).
+
+    The expected warps are the derivatives of the expected pixels.
+    """
+    unchanged = np.broadcast_to(np.eye(2), (len(points), 2, 2)).copy()
+    starts = [_Start.of(points, unchanged, image)]
     if predict is None:
-        return points, warps
-    start = _checked_prediction(predict, points)
+        return starts
+    pixels, warps = _checked_prediction(predict, points), np.empty_like(unchanged)
     for axis in range(2):
         step = WARP_STEP_PX * np.eye(2)[axis]
         ahead, behind = (_checked_prediction(predict, points + sign * step) for sign in (1, -1))
@@ -328,7 +352,8 @@ def _predicted(predict: Predict | None, points: np.ndarray) -> tuple[np.ndarray,
     with np.errstate(invalid="ignore"):
         known = np.abs(warps - np.eye(2)).max(axis=(1, 2), initial=0.0) < MAX_PREDICTED_WARP
     warps[~known] = np.eye(2)
-    return np.where(np.isfinite(start).all(axis=1, keepdims=True), start, points), warps
+    pixels = np.where(np.isfinite(pixels).all(axis=1, keepdims=True), pixels, points)
+    return [_Start.of(pixels, warps, image), *starts]
 
 
 def _checked_prediction(predict: Predict, points: np.ndarray) -> np.ndarray:
