@@ -164,7 +164,7 @@ def ambiguous() -> list[tuple[PointScene, RelativePose]]:
     return [
         (scene, pose)
         for scene, pose in poses
-        if ("allows two motions" in pose.reason or "two motions explain" in pose.reason)
+        if ("allows two motions" in pose.reason or "explained by two motions" in pose.reason)
         and pose.status is PoseStatus.ROTATION_ONLY
     ]
 

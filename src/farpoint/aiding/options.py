@@ -46,7 +46,7 @@ class HeightOptions:
         Raises
         ------
         InputError
-            If a number is invalid. The message has the number and the expected value.
+            If the height is invalid. The message has the given value and the expected value.
         """
         if self.height is None:
             return []

@@ -25,9 +25,10 @@ def essential_matrix_constraint(
     direction_basis: np.ndarray,
     covariance: np.ndarray,
 ) -> Any:
-    """``gtsam.EssentialMatrixConstraint`` with the covariance (5, 5) of rotation and direction.
+    """``gtsam.EssentialMatrixConstraint`` with the covariance (5, 5) of ``[dtheta, dbeta]``.
 
-    ``aRb = R.T`` and ``aTb = -R.T @ direction``, so that ``w = -dtheta`` and, to first order,
+    ``dtheta`` and ``dbeta`` are those of `RelativePose`. ``aRb = R.T`` is perturbed as ``aRb @
+    Exp(w)``, so that ``w = -dtheta``. The change of ``aTb = -R.T @ direction`` is, to first order,
     ``daTb = -R.T @ (skew(direction) @ dtheta + direction_basis @ dbeta)``.
     """
     gtsam = _gtsam()

@@ -48,7 +48,7 @@ from farpoint.pose.pure_rotation import PureRotationFit
 __all__ = ["Alternative", "Posterior", "compare_motions", "covariance_between"]
 
 PLANE = "Planar ambiguity: a plane explains the matches and allows two motions"
-SECONDARY = "Secondary mode: two motions explain the matches"
+SECONDARY = "Secondary mode: the matches are explained by two motions"
 
 
 class Alternative(NamedTuple):
@@ -74,7 +74,7 @@ class Alternative(NamedTuple):
         return _cosine(self, fit) > COS_NEARBY
 
     def described_beside(self, fit: GeneralMotionFit) -> str:
-        """A sentence that states the cause and the angle between the directions of both motions."""
+        """Sentence with `cause` and the angle between the directions of this motion and ``fit``."""
         apart = math.acos(min(max(_cosine(self, fit), -1.0), 1.0))
         return f"{self.cause}, whose directions are {math.degrees(apart):.0f} deg apart."
 
@@ -247,9 +247,10 @@ def _in_other_direction(
 ) -> Iterator[Alternative]:
     """The likeliest mode in another direction, if its log ratio is below the limit.
 
-    The log ratio is that of the residuals alone, because the prior of the parallax was estimated
-    with ``fit`` and biases other motions towards ``fit``. The search starts at the pure rotation,
-    which is half-way between two modes that exchange translation and rotation.
+    The log ratio of ``fit`` to the mode is that of the residuals alone, because the prior of the
+    parallax was estimated with ``fit`` and favours modes near ``fit``. The searches start at
+    ``R_pure_rotation``, which lies between the rotations of two modes that explain the same flow
+    by different shares of rotation and translation.
     """
     pose, mode = packed_pose(fit), _empty_pose()
     log_ratio = likeliest_other_mode(
