@@ -199,10 +199,16 @@ def test_tangent_bases_need_not_agree(turn: float):
     assert difference.nees == pytest.approx(error @ np.linalg.solve(2.0 * C, error), rel=1e-2)
 
 
-def test_opposite_directions_are_infinitely_apart():
+@pytest.mark.parametrize("apart_deg", [180.0, 90.01, 89.999, 89.5])
+def test_directions_at_a_right_angle_and_beyond_are_infinitely_apart(apart_deg: float):
     C = MIXING @ MIXING.T
     pose = pose_from(np.zeros(5), C)
-    flipped = replace(pose, direction_cam1_from_cam0=-TRUE_DIRECTION)
+    turn, across = np.radians(apart_deg), pose.direction_basis[:, 0]
+    other = np.cos(turn) * TRUE_DIRECTION + np.sin(turn) * across
+    basis = np.column_stack(
+        [across * np.cos(turn) - TRUE_DIRECTION * np.sin(turn), pose.direction_basis[:, 1]]
+    )
+    flipped = replace(pose, direction_cam1_from_cam0=other, direction_basis=basis)
     opposed, alike = pose_difference(pose, flipped), pose_difference(pose, pose)
     assert opposed.nees == np.inf
     found = evaluate_halves([opposed, alike, alike])

@@ -6,8 +6,8 @@ two motions is the sum of the covariances of the motions. Errors that both halve
 the difference: errors of the calibration, errors from a moving object tracked in both halves, and
 errors common to neighbouring tracks. The test can therefore show that a covariance is too small,
 but it cannot show that a covariance includes all errors. If neighbouring tracks stay in the same
-half (`image_cells`, and patches in `Odometry.split_half`), the errors common to these tracks do not
-cancel.
+half (`image_cells`, and parts of the image in `Odometry.split_half`), the errors common to these
+tracks do not cancel.
 """
 
 from __future__ import annotations
@@ -34,6 +34,11 @@ __all__ = [
     "pose_difference",
     "split_half",
 ]
+
+# Cosine of the angle between two directions, 89.4 degrees, from which on their difference counts as
+# infinite. The covariance of the difference grows with the fourth power of the inverse cosine:
+# beyond 1e8, rounding would make the matrix indefinite.
+MIN_ALONG = 0.01
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -254,9 +259,10 @@ def _full_difference(a: RelativePose, b: RelativePose) -> tuple[np.ndarray, np.n
     direction_b, basis_b, covariance_b = _direction_of(b)
     dbeta = direction_error(direction_a[None], basis_a[None], direction_b[None])[0]
     along = float(direction_a @ direction_b)
-    if along <= 0.0:
-        # Opposite hemispheres: dbeta is infinite, so the covariance has no effect.
-        return np.concatenate([_rotation_difference(a, b), dbeta]), covariance_a + covariance_b
+    if along <= MIN_ALONG:
+        # An infinite difference, so that the covariance has no effect.
+        apart = np.concatenate([_rotation_difference(a, b), [np.inf, np.inf]])
+        return apart, covariance_a + covariance_b
     # projection @ basis_b: Jacobian of the central projection on the tangent plane of a, with
     # respect to the dbeta of b.
     projection = (basis_a.T - np.outer(dbeta, direction_a)) / along
