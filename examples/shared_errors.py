@@ -1,7 +1,7 @@
 """Do neighbouring tracks of a video err alike, and are its covariances too small for it?
 
 Prints the correlation of the tracks' errors by their distance, and the split-half test with the
-tracks dealt by patches of three to six and by image cells, in which errors that neighbours share do
+tracks dealt by 16 parts of the image and by image cells, in which errors that neighbours share do
 not cancel.
 
 The error of a track is its distance from the epipolar line of the estimated motion, over the sigma
@@ -88,7 +88,7 @@ def main() -> None:
     print(correlation)
     for cell_px, found in halves.items():
         pose = evaluate_halves(found).pose
-        dealt = "by patches" if cell_px is None else f"by cells of {cell_px} px"
+        dealt = "by parts of the image" if cell_px is None else f"by cells of {cell_px} px"
         print(
             f"halves dealt {dealt}: {pose.count} compared, sigma over difference "
             f"{pose.sigma_over_error:.2f}, in 95 % {pose.coverage95.share:.2f}"

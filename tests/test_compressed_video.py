@@ -10,7 +10,6 @@ import pytest
 
 from farpoint import Camera, Odometry, OdometryOptions, PoseStatus, RelativePoseOptions
 from farpoint.metrics.statistics import chi2_quantile
-from farpoint.pose.covariance import inflation_beyond_patches, mean_split_half_ratio
 from farpoint.synthetic import RenderedSequence, render_drive
 
 av = pytest.importorskip("av")
@@ -18,7 +17,6 @@ av = pytest.importorskip("av")
 # With a known shutter, of which the covariances contain nothing.
 CAMERA = Camera.pinhole(480, 360, 300, 300, 239.5, 179.5).with_readout(0.0)
 FRAMES, FPS = 16, 30
-WIDENING = RelativePoseOptions(sharing_beyond_patches=6.5)
 
 
 def through_h264(images: list[np.ndarray], crf: int) -> list[np.ndarray]:
@@ -63,7 +61,7 @@ def squared_errors_and_sigmas(
 
 def test_regions_hold_the_truth_of_h264_and_are_as_narrow_as_before_without_it():
     given = OdometryOptions()
-    without = replace(given, pose=replace(given.pose, sharing_beyond_patches=0.0))
+    without = replace(given, pose=replace(given.pose, common_error_slope=0.0))
     within: dict[str, list[bool]] = {"given": [], "without": []}
     ratios: list[float] = []
     bound = chi2_quantile(0.95, 5)
@@ -82,32 +80,6 @@ def test_regions_hold_the_truth_of_h264_and_are_as_narrow_as_before_without_it()
     assert np.mean(ratios) < 1.1
 
 
-def test_the_mean_half_ratio_takes_a_pair_in_by_the_number_of_those_before():
-    assert mean_split_half_ratio(None, 1.3, 7) == 1.3
-    assert mean_split_half_ratio(2.0, 1.0, 3) == pytest.approx(1.25)
-    assert mean_split_half_ratio(50.0, 1.0, 1) == pytest.approx(2.0)
-
-
-@pytest.mark.parametrize(
-    ("ratio", "expected", "pairs", "growth"),
-    [
-        (1.0, 1.0, 2, 1.0),
-        (1.48, 1.48, 9, 1.0 + 6.5 * 0.4),
-        (0.5, 0.5, 2, 1.0),
-        (5.0, 5.0, 2, 7.5),
-        (1.62, 1.02, 2, 1.0 + 6.5 * 0.14),
-    ],
-)
-def test_the_variance_increases_with_the_excess_of_the_mean_over_uncompressed_video(
-    ratio: float, expected: float, pairs: int, growth: float
-):
-    options = replace(WIDENING, expected_half_ratio=expected, expected_half_ratio_pairs=pairs)
-    assert inflation_beyond_patches(ratio, options) == pytest.approx(growth)
-    assert inflation_beyond_patches(ratio, replace(options, sharing_beyond_patches=0.0)) == 1.0
-
-
-def test_slopes_and_numbers_of_pairs_that_are_none_are_refused():
-    with pytest.raises(ValueError, match="sharing_beyond_patches"):
-        RelativePoseOptions(sharing_beyond_patches=-1.0)
-    with pytest.raises(ValueError, match="expected_half_ratio_pairs"):
-        RelativePoseOptions(expected_half_ratio_pairs=0)
+def test_a_slope_below_zero_is_refused():
+    with pytest.raises(ValueError, match="common_error_slope"):
+        RelativePoseOptions(common_error_slope=-1.0)

@@ -26,7 +26,7 @@ from farpoint.geometry import so3, sphere
 from farpoint.metrics import evaluate_halves
 from farpoint.odometry import sequence
 from farpoint.pose import failed_pose
-from farpoint.pose.patches import patches_of
+from farpoint.pose.image_parts import parts_of
 from farpoint.pose.views import Views
 from farpoint.tracks import TrackerOptions
 
@@ -114,9 +114,9 @@ def test_tracks_that_lie_together_go_to_the_same_half(monkeypatch: pytest.Monkey
     odometry.split_half(result)
     first = (result.tracks.points0[:, None] == halves[0]).all(axis=2).any(axis=1)
     assert len(halves[0]) + len(halves[1]) == len(result.tracks)
-    patch = patches_of(CAMERA.unproject(result.tracks.points0))
-    assert 20 < len(set(patch)) < len(patch) / 2.5
-    assert all(len(set(first[patch == k])) == 1 for k in set(patch))
+    part = parts_of(CAMERA.unproject(result.tracks.points0))
+    assert len(set(part)) == 16
+    assert all(len(set(first[part == k])) == 1 for k in set(part))
 
 
 def test_what_is_unsure_of_lens_and_shutter_is_not_between_halves(monkeypatch: pytest.MonkeyPatch):

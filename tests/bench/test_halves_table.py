@@ -63,7 +63,7 @@ def test_the_same_runs_are_split_by_cells_too(folder: Path, tables: list[Table])
     by_patches, by_cells = tables
     assert (by_cells.name, by_cells.command) == ("halves_by_cells", by_patches.command)
     rows = rows_of(by_cells)
-    assert [row["split_by"] for row in rows] == ["patches", "cells of 64 px", "cells of 128 px"]
+    assert [row["split_by"] for row in rows] == ["parts", "cells of 64 px", "cells of 128 px"]
     for row, cell_px in zip(rows, (None, 64.0, 128.0), strict=True):
         tests = []
         for seed in (3, 4):

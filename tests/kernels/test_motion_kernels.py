@@ -30,7 +30,7 @@ from farpoint._kernels.motion import fit_motion
 from farpoint._kernels.motion_refinement import MotionBuffers, MotionSummary, refine_motion
 from farpoint._kernels.pose import LinearisationPoint, Pose
 from farpoint._kernels.refinement import refine_pose
-from farpoint._kernels.residual_correlation import patch_correlation
+from farpoint._kernels.residual_correlation import neighbour_correlation
 from farpoint.geometry import so3
 
 HALF_WIDTH, LEAST_SIGNAL = 500.0, 0.4
@@ -216,7 +216,7 @@ def test_the_design_effect_is_that_of_the_inliers(share):
     found, _, _ = find(view)
     rows = np.flatnonzero(found.per_match[3, :300] > 0.5)
     residual, sigma = found.per_match[1], np.sqrt(found.mixture[0])
-    correlation = patch_correlation(view.pairs, residual, rows, np.arange(300), sigma, 400)
+    correlation = neighbour_correlation(view.pairs, residual, rows, sigma, 400)
     told, z_score, effect = correlation_and_design_effect(
         view.pairs, residual, found.per_match[3], 300, sigma
     )

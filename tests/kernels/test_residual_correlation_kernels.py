@@ -7,14 +7,14 @@ import pytest
 from kernels_kit import View, two_views
 from scipy.spatial import cKDTree
 
-from farpoint._kernels.residual_correlation import patch_correlation
+from farpoint._kernels.residual_correlation import neighbour_correlation
 
 MAX_QUERIED = 200
 
 
 def correlation(view: View, residual: np.ndarray, inlier: np.ndarray | None = None) -> float:
     rows = np.arange(view.size) if inlier is None else np.flatnonzero(inlier > 0.5)
-    return patch_correlation(view.pairs, residual, rows, np.arange(view.size), 1.0, MAX_QUERIED)
+    return neighbour_correlation(view.pairs, residual, rows, 1.0, MAX_QUERIED)
 
 
 def test_independent_noise_is_uncorrelated():
@@ -65,17 +65,3 @@ def test_few_inliers_or_none_have_a_bounded_correlation(count):
     assert correlation(view, np.ones(count), np.zeros(count)) == 0.0
     assert -1.0 <= correlation(view, np.ones(count)) <= 1.0
     assert correlation(view, np.zeros(count)) == 0.0
-
-
-def test_matches_of_the_same_patch_are_no_neighbours():
-    rng = np.random.default_rng(3)
-    view = two_views(3, 150, noise_rad=1e-3)
-    twice = View(*(np.repeat(each, 2, axis=0) for each in view[:4]), view.R, view.t)
-    residual, rows = np.repeat(rng.normal(size=150), 2), np.arange(300)
-    patch = rows // 2
-    correlated = patch_correlation(twice.pairs, residual, rows, patch, 1.0, 300)
-    tree = cKDTree(np.c_[view.rays0, view.rays1])
-    nearest = tree.query(tree.data, k=2)[1][:, 1]
-    own, other = np.clip(residual[::2], -3.0, 3.0), np.clip(residual[2 * nearest], -3.0, 3.0)
-    assert correlated == pytest.approx((own * other).sum() / (own * own).sum())
-    assert patch_correlation(twice.pairs, residual, rows, np.zeros(300, np.int64), 1.0, 300) == 0.0

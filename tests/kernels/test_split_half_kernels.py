@@ -11,8 +11,8 @@ from kernels_kit import View, matches_of, packed, pose_of, shaken, two_views
 from farpoint._kernels.compile import kernel
 from farpoint._kernels.constants import LANES, MAX_SPLIT_RATIO, MIN_SIGNAL_NEARBY, PANEL
 from farpoint._kernels.covariance import MEASURED_FLOW, covariance_here
+from farpoint._kernels.image_parts import split_parts
 from farpoint._kernels.pairs import packed_length, take_pairs
-from farpoint._kernels.patches import split_patches
 from farpoint._kernels.pose import LinearisationPoint, PackedMatches, Pose
 from farpoint._kernels.refinement import refine_pose
 from farpoint._kernels.split_halves import pose_difference_ratio
@@ -65,8 +65,8 @@ def each_by_itself(count: int) -> np.ndarray:
     return np.arange(count)
 
 
-def computed(matches: PackedMatches, pose: Pose, patch: np.ndarray) -> float:
-    return pose_difference_ratio(matches, pose, INLIERS, False, SPLITS, patch, generator())
+def computed(matches: PackedMatches, pose: Pose, part: np.ndarray) -> float:
+    return pose_difference_ratio(matches, pose, INLIERS, False, SPLITS, part, generator())
 
 
 def apart(one: Pose, other: Pose, pose: Pose) -> np.ndarray:
@@ -86,23 +86,23 @@ def refined(matches: PackedMatches, start: Pose) -> Pose:
     return pose
 
 
-@pytest.mark.parametrize("patches", [45, 12])
-def test_it_is_the_mean_over_halves_of_what_they_differ_by(patches):
+@pytest.mark.parametrize("parts", [45, 12])
+def test_it_is_the_mean_over_halves_of_what_they_differ_by(parts):
     matches, pose = fitted(1, 45)
     rng = np.random.default_rng(2)
     matches.prior[:45] = rng.uniform(0.5, 1.0, 45)
-    patch, state = rng.permutation(np.arange(45) % patches), generator()
+    part, state = rng.permutation(np.arange(45) % parts), generator()
     squares = []
     for _ in range(SPLITS):
         half = np.empty(45, np.int64)
-        split_patches(patch, state, half)
+        split_parts(part, state, half)
         halves = [searched_pairs(matches, np.flatnonzero(half == k)) for k in (0, 1)]
         covariance = sum(expected_of(half, pose) for half in halves)
         difference = apart(*(refined(half, pose) for half in halves), pose)
         squares.append(difference @ np.linalg.solve(covariance, difference) / 5.0)
-    shown = computed(matches, pose, patch)
+    shown = computed(matches, pose, part)
     assert shown == pytest.approx(np.mean(squares), rel=1e-4)
-    assert computed(matches, pose, patch) == shown
+    assert computed(matches, pose, part) == shown
 
 
 def mean_disagreement(apart_rad: float) -> float:
@@ -131,8 +131,8 @@ def test_common_errors_of_a_patch_raise_the_ratio_if_it_stays_in_one_half():
     shown = []
     for seed in range(30):
         matches, pose = fitted(seed, 60, times=5)
-        patch = np.arange(300) // 5
-        shown.append([computed(matches, pose, p) for p in (patch, each_by_itself(300))])
+        part = np.arange(300) // 5
+        shown.append([computed(matches, pose, p) for p in (part, each_by_itself(300))])
     by_patch, by_match = np.mean(shown, axis=0)
     assert 4.0 < by_patch < 6.0
     assert by_match < 1.5
@@ -167,7 +167,7 @@ def test_halves_that_fix_no_motion_count_as_expected():
         view._replace(rays0=point[0], rays1=point[1]), HALF_WIDTH, soft_cheirality=True
     )
     assert computed(matches, pose, each_by_itself(60)) == 1.0
-    # All in one patch: there is no second half.
+    # All in one part: there is no second half.
     assert (
         computed(matches_of(view, HALF_WIDTH, soft_cheirality=True), pose, np.zeros(60, np.int64))
         == 1.0

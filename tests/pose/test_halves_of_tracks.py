@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pose_kit import estimate, point_scene
 
-from farpoint import Camera, PoseStatus, RelativePoseOptions, estimate_relative_pose
+from farpoint import PoseStatus, RelativePose, RelativePoseOptions, estimate_relative_pose
 from farpoint.pose.covariance import split_half_ratio_of_rotation
 from farpoint.pose.matches import matches_from_points
 from farpoint.pose.pure_rotation import fit_pure_rotation
@@ -39,48 +39,54 @@ def growths() -> np.ndarray:
 
 
 def test_halves_of_white_noise_show_what_was_computed(growths):
-    # 1.006: each has 40 degrees of freedom of 80, and scatters by 0.11; their mean by 0.012. It is
-    # 0.98 where halves are held to all that is expected of them.
-    assert 0.985 < growths.mean() < 1.03
-    assert 0.06 < growths.std() < 0.16
+    # 0.975: each has 40 degrees of freedom of 80, and scatters by 0.14; their mean by 0.016.
+    assert 0.93 < growths.mean() < 1.02
+    assert 0.06 < growths.std() < 0.2
 
 
-def beyond_halves(
-    points0: np.ndarray, points1: np.ndarray, camera: Camera, *, is_told: bool = True
-) -> float:
-    """How much larger the covariance is than halves tell, of tracks whose noise is told or not."""
-    noise = np.tile(0.02 * np.eye(2), (len(points0), 1, 1))
-    told = {"covariance0_px2": noise, "covariance1_px2": noise} if is_told else {}
-    computed = estimate_relative_pose(points0, points1, camera, **told)
-    corrected = estimate_relative_pose(points0, points1, camera, **told, options=OPTIONS)
-    assert computed.status is corrected.status is PoseStatus.OK
-    by_halves = (40.0 + 40.0 * corrected.stats.half_ratio) / 80.0
-    return corrected.covariance[0, 0] / computed.covariance[0, 0] / by_halves
-
-
-def on_surfaces(width_px: float, *, is_told: bool = True) -> np.ndarray:
-    """How much larger (12,) where all points of a square err alike, by thrice their noise."""
+def on_surfaces(width_px: float, *, is_told: bool = True) -> list[RelativePose]:
+    """Twelve motions where all points of a square err alike, by thrice their noise."""
     found = []
     for seed in range(12):
         view, rng = scene(seed, 400), np.random.default_rng(seed)
         shared = rng.normal(0.0, 0.6, (60, 60, 2))
         column, row = (view.points0 // width_px).astype(int).T
         points1 = view.points1 + shared[column, row]
-        found.append(beyond_halves(view.points0, points1, view.camera, is_told=is_told))
-    return np.array(found)
+        noise = np.tile(0.02 * np.eye(2), (len(points1), 1, 1))
+        told = {"covariance0_px2": noise, "covariance1_px2": noise} if is_told else {}
+        pose = estimate_relative_pose(view.points0, points1, view.camera, **told, options=OPTIONS)
+        assert pose.status is PoseStatus.OK
+        found.append(pose)
+    return found
 
 
-def test_surfaces_with_common_errors_inflate_beyond_the_split_half_ratio():
-    # 2.4, 1.8 and 1 of squares with some fifty tracks, ten and one; a patch has three to six.
-    # Halves that are searched for by themselves, of the largest, differ by 1.55 of what they say
-    # without, and by 0.95 of it with this (by a script, 60 scenes).
-    assert 2.0 < np.mean(on_surfaces(220.0)) < 2.8
-    assert 1.4 < np.mean(on_surfaces(60.0)) < 2.2
-    assert np.mean(on_surfaces(20.0)) < 1.02
+def mean_ratio(poses: list[RelativePose]) -> float:
+    return float(np.mean([pose.stats.half_ratio for pose in poses]))
+
+
+def test_surfaces_with_common_errors_are_seen_by_halves():
+    # 7.8, 2.7 and 1.3 of squares with some fifty tracks, ten and one. By patches of three to six
+    # tracks instead of 16 parts it was 1.9, 1.7 and 1.15.
+    assert 5.0 < mean_ratio(on_surfaces(220.0)) < 11.0
+    assert 2.0 < mean_ratio(on_surfaces(60.0)) < 3.5
+    assert 1.0 < mean_ratio(on_surfaces(20.0)) < 1.6
 
 
 def test_what_a_design_effect_counts_is_not_counted_again():
-    np.testing.assert_allclose(on_surfaces(220.0, is_told=False), 1.0, rtol=1e-9)
+    """The design effect scales the information, and halves are held to what it leaves."""
+    told, untold = on_surfaces(220.0), on_surfaces(220.0, is_told=False)
+    assert all(pose.stats.sharing == 1.0 for pose in told)
+    assert all(pose.stats.sharing > 2.0 for pose in untold)
+    common = replace(OPTIONS, common_error_slope=10.0)
+    view = scene(0, 400)
+    column, row = (view.points0 // 220.0).astype(int).T
+    points1 = view.points1 + np.random.default_rng(0).normal(0.0, 0.6, (60, 60, 2))[column, row]
+    plain, doubting = (
+        estimate_relative_pose(view.points0, points1, view.camera, options=each)
+        for each in (OPTIONS, common)
+    )
+    assert plain.stats.residual_correlation > 0.3
+    np.testing.assert_array_equal(plain.covariance, doubting.covariance)
 
 
 @pytest.mark.parametrize(("matches", "has_halves"), [(59, False), (60, True)])
@@ -153,5 +159,5 @@ def test_neighbours_with_common_errors_stay_in_one_half(drawn):
         pixels = [np.repeat(points, 5, axis=0) + step for points in (view.points0, view.points1)]
         pose = estimate_relative_pose(*pixels, view.camera, options=OPTIONS)
         shown.append(pose.stats.half_ratio)
-    # 3.7 (of turns 5.4) by patches of three to six; 1.05 if each is dealt by itself.
-    assert 2.5 < np.median(shown) < 6.5
+    # 4.9 (of turns 6.8) by 16 parts; 1.05 if each is dealt by itself.
+    assert 2.5 < np.median(shown) < 9.0

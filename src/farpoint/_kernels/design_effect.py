@@ -16,9 +16,9 @@ from farpoint._kernels.constants import (
     MIN_CORRELATED_MATCHES,
     POSE_PARAMETERS,
 )
+from farpoint._kernels.image_parts import split_image
 from farpoint._kernels.pairs import address, ray0
-from farpoint._kernels.patches import split_image
-from farpoint._kernels.residual_correlation import bounded, patch_correlation
+from farpoint._kernels.residual_correlation import bounded, neighbour_correlation
 
 __all__ = ["correlation_and_design_effect", "design_effect"]
 
@@ -29,8 +29,7 @@ def correlation_and_design_effect(
 ) -> tuple[float, float, float]:
     """Correlation of neighbouring inlier residuals, z-score of this correlation, `design_effect`.
 
-    The correlation is that of `residual_correlation.patch_correlation`. Every match is a patch of
-    its own, so that two detections of the same point count as neighbours, too. The z-score is the
+    The correlation is that of `residual_correlation.neighbour_correlation`. The z-score is the
     correlation times the square root of the number of inliers that were compared with a neighbour.
     With fewer than `MIN_CORRELATED_MATCHES` inliers the results are 0, 0 and 1. The design effect
     is 1 if the z-score is below `CORRELATED_Z`.
@@ -38,22 +37,11 @@ def correlation_and_design_effect(
     rows = _right(inlier, count)
     if rows.size < MIN_CORRELATED_MATCHES:
         return 0.0, 0.0, 1.0
-    correlation = patch_correlation(
-        pairs, residual, rows, _each_by_itself(count), sigma, MAX_NEIGHBOUR_QUERIES
-    )
+    correlation = neighbour_correlation(pairs, residual, rows, sigma, MAX_NEIGHBOUR_QUERIES)
     correlation_z = math.sqrt(min(rows.size, MAX_NEIGHBOUR_QUERIES)) * correlation
     if correlation_z < CORRELATED_Z:
         return correlation, correlation_z, 1.0
     return correlation, correlation_z, design_effect(pairs, residual, rows, sigma)
-
-
-@step_kernel
-def _each_by_itself(count: int) -> np.ndarray:
-    """Patch numbers, a different one for each match."""
-    patch = np.empty(count, np.int64)
-    for i in range(count):
-        patch[i] = i
-    return patch
 
 
 @step_kernel

@@ -1,4 +1,4 @@
-"""Effect of errors of lens and shutter on rays, on the motion, and on the flow that a turn leaves.
+"""Effect of errors of lens and shutter on rays, on the motion, and on the derotated flow.
 
 The errors ``z`` (r,) are in units of one sigma. The last four are the errors of a rolling shutter:
 read-out time (1), and derivative of the angular velocity (3). The others are errors of the lens.
@@ -55,10 +55,10 @@ class RaysWithErrors(NamedTuple):
 class RowMotion(NamedTuple):
     """Rotation of a camera while the rows of an image are read.
 
-    ``rate`` (3,) is the rotation vector from the first row to the last, ``by_readout`` (3,) its
-    derivative by the error of the read-out time, and ``by_derivative`` the factor of its derivative
-    by the errors of the derivative of the angular velocity. ``per_px`` is the change of the phase
-    of a row from one row to the next. By default, the shutter is global.
+    ``rate`` (3,) is the rotation vector from the first row to the last. Its derivative by the error
+    of the read-out time is ``by_readout`` (3,). Its derivative by the errors (3,) of the derivative
+    of the angular velocity is ``by_derivative`` times the identity. ``per_px`` is the time from one
+    row to the next, divided by the read-out time. By default, the shutter is global.
     """
 
     rate: np.ndarray = np.zeros(3)
@@ -321,12 +321,12 @@ def lens_sensitivity(
     second: RaysWithErrors,
     sensitivity: np.ndarray,
 ) -> None:
-    """Derivatives (3 + B, r) of a motion by the errors, ``-H^-1 sum(w dr/dx dr/dz)``.
+    """Derivatives (3 + B, r) of a motion by the r errors ``z``: ``-H^-1 sum(w de/dx de/dz)``.
 
-    The residuals r are those of the epipolar constraint for a motion with the direction ``t`` and
-    its ``basis`` (3, 2), and ``x`` is ``[dtheta, dbeta]``. For a ``basis`` (3, 0), the motion is a
-    rotation, and the residuals are the flow that the rotation leaves. The derivatives are zero
-    along directions of ``x`` that the matches do not determine.
+    The residuals ``e`` are those of the epipolar constraint for a motion with the direction ``t``
+    and its ``basis`` (3, B), B = 2, and ``x`` is ``[dtheta, dbeta]``. For B = 0, the motion is a
+    rotation, and the residuals are the flow that the rotation does not explain. The derivatives are
+    zero along directions of ``x`` that the matches do not determine.
     """
     size, errors = sensitivity.shape
     H, G = np.zeros((size, size)), np.zeros((errors, size))

@@ -85,7 +85,7 @@ def find_candidates(
 
     The rotation is written to ``R_far``. The function returns the indices of the matches.
     """
-    consistent = np.empty(count)
+    consistent = np.empty(count, np.bool_)
     search_rotation(pairs, count, tolerance, FAR_START_SAMPLES, state, R_far)
     enlarge_rotation(pairs, count, tolerance, R_far, consistent)
     flowing = 0

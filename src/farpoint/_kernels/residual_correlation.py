@@ -6,31 +6,26 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel
+from farpoint._kernels.compile import inlined_kernel, inner_kernel
 from farpoint._kernels.constants import GATE_SIGMA, ROUNDING
 from farpoint._kernels.pairs import address, ray0, ray1
 from farpoint._kernels.vectors import axpby, dot
 
-__all__ = ["bounded", "patch_correlation"]
+__all__ = ["bounded", "neighbour_correlation"]
 
 
-@kernel
-def patch_correlation(
-    pairs: np.ndarray,
-    residual: np.ndarray,
-    rows: np.ndarray,
-    patch: np.ndarray,
-    sigma: float,
-    most: int,
+@inner_kernel
+def neighbour_correlation(
+    pairs: np.ndarray, residual: np.ndarray, rows: np.ndarray, sigma: float, most: int
 ) -> float:
-    """Correlation between the residuals of matches and of their neighbours in other patches.
+    """Correlation between the residuals of matches and of their nearest neighbours.
 
-    ``rows`` are the indices of the matches that are used, and ``patch`` (N,) is the number of the
-    image patch in which each match lies. The correlation is ``sum r_i r_nn(i) / sum r_i^2``, where
-    i runs over at most ``most`` of the ``rows``, and r is a residual divided by ``sigma`` and
-    clipped to +-`GATE_SIGMA`. The neighbour nn(i) is, among the ``rows`` in other patches, the
-    match with the least sum of the squared distances to match i in both images. The expected value
-    is 0 for independent noise. The result is also 0 if no match has a neighbour.
+    ``rows`` are the indices of the matches that are used. The correlation is
+    ``sum r_i r_nn(i) / sum r_i^2``, where i runs over at most ``most`` of the ``rows``, and r is a
+    residual divided by ``sigma`` and clipped to +-`GATE_SIGMA`. The neighbour nn(i) is, among the
+    other ``rows``, the match with the least sum of the squared distances to match i in both images;
+    it may be another detection of the same point. The expected value is 0 for independent noise.
+    The result is also 0 if there is only one match.
     """
     in_order = np.empty(rows.size, np.int64)
     _sort(pairs, rows, in_order)
@@ -38,7 +33,7 @@ def patch_correlation(
     product = square = 0.0
     for j in range(queried):
         place = j * rows.size // queried
-        here, neighbour = int(in_order[place]), int(_neighbour(pairs, in_order, patch, place))
+        here, neighbour = int(in_order[place]), int(_neighbour(pairs, in_order, place))
         if neighbour >= 0:
             own = bounded(residual[here], sigma)
             product += own * bounded(residual[neighbour], sigma)
@@ -76,9 +71,9 @@ def _sort(pairs: np.ndarray, rows: np.ndarray, in_order: np.ndarray) -> None:
 
 
 @inner_kernel
-def _neighbour(pairs: np.ndarray, rows: np.ndarray, patch: np.ndarray, place: int) -> int:
-    """Row of the nearest match in another patch; -1 if there is no such match."""
-    at, own = address(rows[place]), patch[rows[place]]
+def _neighbour(pairs: np.ndarray, rows: np.ndarray, place: int) -> int:
+    """Row of the nearest other match; -1 if there is no other match."""
+    at = address(rows[place])
     nearest, found = math.inf, -1
     for way in (-1, 1):
         k = place + way
@@ -86,7 +81,7 @@ def _neighbour(pairs: np.ndarray, rows: np.ndarray, patch: np.ndarray, place: in
             along, distance = _distances2(pairs, at, address(rows[k]))
             if along >= nearest:
                 break
-            if distance < nearest and patch[rows[k]] != own:
+            if distance < nearest:
                 nearest, found = distance, rows[k]
             k += way
     return found

@@ -15,9 +15,9 @@ from farpoint._kernels.constants import (
     PANEL,
 )
 from farpoint._kernels.covariance import covariance_here
+from farpoint._kernels.image_parts import split_parts
 from farpoint._kernels.normal_equations import inverse_square, size2
 from farpoint._kernels.pairs import take_pairs
-from farpoint._kernels.patches import split_patches
 from farpoint._kernels.pose import LinearisationPoint, PackedMatches, Pose
 from farpoint._kernels.refinement import refine_pose
 from farpoint._kernels.vectors import Matrix, axpby, dot, matrix, tangent_columns, vector
@@ -32,7 +32,7 @@ def pose_difference_ratio(
     inliers: float,
     shrunk_flow: bool,
     splits: int,
-    patch: np.ndarray,
+    part: np.ndarray,
     state: np.ndarray,
 ) -> float:
     """Mean ratio of the squared difference of the poses from two halves to its expectation.
@@ -41,7 +41,7 @@ def pose_difference_ratio(
     ``splits`` random splits of the matches into two halves. d is the difference between the poses
     from the two halves; each of the two poses is refined from ``pose`` by the matches of one half.
     C_1 and C_2 (5, 5) are the covariances from the two halves at ``pose``, by
-    `covariance.covariance_here`. Matches with the same number in ``patch`` (N,) are in the same
+    `covariance.covariance_here`. Matches with the same number in ``part`` (N,) are in the same
     half. ``state`` is the state of the random generator. A split is left out if one of the halves
     determines no motion. The result is 1 if all splits are left out.
     """
@@ -51,7 +51,7 @@ def pose_difference_ratio(
     other = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
     expected, beside = np.empty((5, 5)), np.empty((5, 5))
     for _ in range(splits):
-        taken = split_patches(patch, state, half)
+        taken = split_parts(part, state, half)
         some, rest = _rows_of(half, 0, taken), _rows_of(half, 1, matches.total - taken)
         if not _refine_by(matches, some, inliers, shrunk_flow, pose, one, expected):
             continue

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from farpoint._kernels.patches import split_patches
+from farpoint._kernels.image_parts import split_parts
 from farpoint.errors import InputError
 from farpoint.geometry import so3
 from farpoint.metrics.pairs import direction_error
@@ -175,7 +175,7 @@ def split_half(
     )
     # A mask keeps the order of the rows, in case the estimator depends on it.
     half = np.empty(lengths[0], np.int64)
-    split_patches(assigned.ravel(), np.array([seed % 2**64], np.uint64), half)
+    split_parts(assigned.ravel(), np.array([seed % 2**64], np.uint64), half)
     return pose_difference(
         estimate(*(rows[half == 0] for rows in matches)),
         estimate(*(rows[half == 1] for rows in matches)),

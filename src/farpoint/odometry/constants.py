@@ -38,13 +38,6 @@ MAX_INTERVAL_CORRELATION = -0.25
 # second.
 FIRST_INTERVAL_S = 0.1
 
-# Weight of the initial split-half ratio, in pairs of frames. Chosen.
-FIRST_RATIO_PAIRS = 2
-
-# Largest weight of the mean split-half ratio, in pairs of frames. From this weight on, the mean is
-# an exponential moving average. Chosen.
-MAX_RATIO_PAIRS = 100
-
 # False-alarm rate of the test whether the path's lens differs from the lens in use. Convention: the
 # probability that a normal error exceeds 3 sigma.
 LENS_CHANGE_FALSE_ALARM = 0.0027

@@ -21,10 +21,8 @@ class OdometryOptions:
         Detection and tracking of points.
     pose : RelativePoseOptions
         Options of the two-view estimate. By default `shared_error_px` is 0.002, the common error of
-        tracks on rendered street scenes. `half_splits` is 8. `sharing_beyond_patches` is 6.5, the
-        maximum-likelihood value for compressed video of street scenes. `expected_half_ratio` is
-        used for the first pair of frames. For each later pair, the mean split-half ratio of the
-        earlier pairs replaces `expected_half_ratio`.
+        tracks on rendered street scenes. `half_splits` is 8. `common_error_slope` is 10,
+        measured on compressed video of street scenes.
     path : PathOptions
         Options of the sliding window of keyframes.
     lens : LensRefinementOptions
@@ -36,7 +34,7 @@ class OdometryOptions:
     tracker: TrackerOptions = field(default_factory=TrackerOptions)
     pose: RelativePoseOptions = field(
         default_factory=lambda: RelativePoseOptions(
-            shared_error_px=0.002, half_splits=8, sharing_beyond_patches=6.5
+            shared_error_px=0.002, half_splits=8, common_error_slope=10.0
         )
     )
     path: PathOptions = field(default_factory=PathOptions)

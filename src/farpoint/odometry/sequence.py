@@ -17,7 +17,6 @@ from farpoint.odometry.angular_velocity import AngularVelocity
 from farpoint.odometry.at_rest import at_rest
 from farpoint.odometry.capture_times import CaptureTimes
 from farpoint.odometry.constants import FRAMES_PER_SEED, FRAMES_WITH_NEW_KERNELS
-from farpoint.odometry.half_ratios import HalfRatios
 from farpoint.odometry.lens_in_use import LensInUse
 from farpoint.odometry.mask import checked_mask, tracked_region
 from farpoint.odometry.options import OdometryOptions
@@ -31,12 +30,12 @@ from farpoint.path.prediction import point_predictor
 from farpoint.pose import (
     PoseStatus,
     RelativePose,
-    RelativePoseOptions,
     TrackLabel,
     failed_pose,
 )
-from farpoint.pose.patches import patches_of
+from farpoint.pose.image_parts import parts_of
 from farpoint.pose.rolling import Searched
+from farpoint.pose.track_errors import NO_EARLIER_PAIRS
 from farpoint.pose.views import Views, estimate_views, rough_motion, search_views
 from farpoint.tracks import Tracker, Tracks, grey_size
 
@@ -116,9 +115,7 @@ class Odometry:
         self.seconds = {"tracks": 0.0, "pose": 0.0, "path": 0.0}
         self._tracker = Tracker(self.options.tracker)
         self._reference: _Reference | None = None
-        self._half_ratios = HalfRatios(
-            self.options.pose.expected_half_ratio, self.options.pose.expected_half_ratio_pairs
-        )
+        self._track_errors = NO_EARLIER_PAIRS
         self._path = PathBuilder(self._estimate, self.options.path, self.options.lens)
         self._lens = LensInUse(camera, self.options.lens)
         self._angular_velocity = AngularVelocity()
@@ -264,19 +261,16 @@ class Odometry:
         cell_px : float, optional
             Width of square image cells, px. All tracks of a cell go to the same half, so that
             errors that are correlated within a cell do not cancel in the difference. By default the
-            image is split into patches of 3 to 6 neighbouring tracks instead of cells.
+            image is divided into 16 parts with about the same number of tracks.
         """
-        tracks = result.tracks
+        tracks, points = result.tracks, result.tracks.points0
         # Errors of lens and shutter, and errors common to all tracks, are equal in both halves and
         # cancel in the difference. They are therefore left out of the covariances.
         camera = replace(self._lens.camera.with_uncertainty(), readout_sigma_s=None)
-        options = replace(self._pose_options(), shared_error_px=0.0)
-        if cell_px is None:
-            # Errors that are correlated beyond patches cancel, too.
-            options = replace(options, sharing_beyond_patches=0.0)
-            groups = patches_of(self._lens.camera.unproject(tracks.points0))
-        else:
-            groups = image_cells(tracks.points0, cell_px)
+        options = replace(self.options.pose, shared_error_px=0.0)
+        groups = (
+            parts_of(camera.unproject(points)) if cell_px is None else image_cells(points, cell_px)
+        )
         seconds, seed = result.timestamp - result.timestamp0, self.options.seed
 
         def estimate_half(
@@ -286,7 +280,7 @@ class Odometry:
             return estimate_views(views, options, seed)
 
         return split_half(
-            (tracks.points0, tracks.points1, tracks.covariance_px2),
+            (points, tracks.points1, tracks.covariance_px2),
             estimate_half,
             seed=result.frame1 + FRAMES_PER_SEED * seed,
             groups=groups,
@@ -302,8 +296,10 @@ class Odometry:
         self._lens.begin(seconds)
         tracks, searched = self._without_perspective(tracks, seconds, reference)
         views = self._views(self._lens.camera, tracks, seconds)
-        pose = estimate_views(views, self._pose_options(), self.options.seed, searched)
-        self._half_ratios.add(pose.stats.half_ratio)
+        pose = estimate_views(views, self.options.pose, self.options.seed, searched)
+        self._track_errors = self._track_errors.with_pair(
+            pose.stats.half_ratio, pose.stats.residual_correlation
+        )
         estimated = time.perf_counter()
         if pose.status is not PoseStatus.FAILED:
             pair = Pair(
@@ -362,17 +358,7 @@ class Odometry:
     ) -> RelativePose:
         """The motion between two views that the path chooses."""
         views = self._views_of(self._lens.camera, points0, points1, covariance_px2, seconds)
-        return estimate_views(
-            views, replace(self._pose_options(), half_splits=0), self.options.seed
-        )
-
-    def _pose_options(self) -> RelativePoseOptions:
-        ratios = self._half_ratios
-        return replace(
-            self.options.pose,
-            expected_half_ratio=ratios.mean,
-            expected_half_ratio_pairs=ratios.pairs,
-        )
+        return estimate_views(views, replace(self.options.pose, half_splits=0), self.options.seed)
 
     def _views(self, camera: Camera, tracks: Tracks, seconds: float) -> Views:
         """Two views through a camera: the reference frame and the current frame."""
@@ -391,7 +377,8 @@ class Odometry:
         # Half of the covariance of a displacement is assigned to each of the two points.
         half_px2 = 0.5 * covariance_px2
         interval_s = self._lens.interval_s(seconds)
-        return Views(points0, points1, camera, camera, half_px2, half_px2, None, interval_s)
+        views = Views(points0, points1, camera, camera, half_px2, half_px2, None, interval_s)
+        return views._replace(track_errors=self._track_errors)
 
     def _prediction(self, reference: _Reference) -> Callable[[np.ndarray], np.ndarray] | None:
         """Prediction of the reference's tracks in the next frame, if the last motion repeats."""

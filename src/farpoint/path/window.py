@@ -481,9 +481,9 @@ class Window:
         """Mark the points in the newest keyframe whose inverse distance is accurate.
 
         The 1-sigma of the inverse distance must be below `RELIABLE_DEPTH_SIGMA` times the inverse
-        distance, or below `FAR_DEPTH_SIGMA` times the median inverse distance. The variance
-        includes errors of the poses, but neither the error of the scale, which is common to all
-        distances, nor the design effect.
+        distance, or below `FAR_DEPTH_SIGMA` times the median of all known inverse distances. The
+        variance includes errors of the poses, but neither the error of the scale, which is common
+        to all distances, nor the factor `design_effect` for correlated errors.
         """
         marks, newest = self.landmarks, len(self.frames) - 1
         spread = self.covariance

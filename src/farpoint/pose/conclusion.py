@@ -40,6 +40,7 @@ class Diagnostics:
     sign_probability: float | None = None
     design_effect: float = 1.0
     split_half_ratio: float | None = None
+    residual_correlation: float | None = None
     search_s: float = 0.0
     refinement_s: float = 0.0
     covariance_s: float = 0.0
@@ -207,6 +208,7 @@ def _stats(labels: np.ndarray, diagnostics: Diagnostics) -> PoseStats:
         sign_probability=diagnostics.sign_probability,
         sharing=diagnostics.design_effect,
         half_ratio=diagnostics.split_half_ratio,
+        residual_correlation=diagnostics.residual_correlation,
         search_s=diagnostics.search_s,
         refinement_s=diagnostics.refinement_s,
         covariance_s=diagnostics.covariance_s,

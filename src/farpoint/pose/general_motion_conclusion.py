@@ -8,15 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from farpoint._kernels.constants import POSE_PARAMETERS
 from farpoint.geometry.so3 import rotation_vector
 from farpoint.pose import conclusion
 from farpoint.pose.certainty import direction_sigma, fixes_rotation
 from farpoint.pose.conclusion import Diagnostics, full_labels
 from farpoint.pose.constants import UNOBSERVABLE_NOISE_SHARE
 from farpoint.pose.covariance import (
-    inflation_between_patches,
-    inflation_beyond_patches,
-    inflation_by_halves,
     shared_covariance,
     split_half_ratio,
 )
@@ -27,6 +25,7 @@ from farpoint.pose.options import RelativePoseOptions
 from farpoint.pose.posterior import Posterior, covariance_between
 from farpoint.pose.pure_rotation import PureRotationFit
 from farpoint.pose.result import PoseStatus, RelativePose
+from farpoint.pose.track_errors import TrackErrors
 
 __all__ = ["conclude_general_motion"]
 
@@ -43,6 +42,7 @@ def conclude_general_motion(
     pure_rotation: Callable[[], PureRotationFit],
     options: RelativePoseOptions,
     diagnostics: Diagnostics,
+    errors: TrackErrors,
 ) -> RelativePose:
     """Result from the likeliest general motion.
 
@@ -52,7 +52,7 @@ def conclude_general_motion(
     diagnostics.time_stage("refinement_s")
     if not is_motion(fit, rate):
         return conclusion.no_consensus(matches, fit.agreeing, diagnostics)
-    covariance = _inflated_covariance(matches, posterior, options, diagnostics)
+    covariance = _inflated_covariance(matches, posterior, options, diagnostics, errors)
     diagnostics.time_stage("covariance_s")
     if not fixes_rotation(covariance[:3, :3]):
         return conclusion.undetermined_rotation(matches, diagnostics)
@@ -87,18 +87,17 @@ def _inflated_covariance(
     posterior: Posterior,
     options: RelativePoseOptions,
     diagnostics: Diagnostics,
+    errors: TrackErrors,
 ) -> np.ndarray:
     """Covariance (5, 5), rad^2, inflated for correlated residuals and common errors."""
     ratio = diagnostics.split_half_ratio = split_half_ratio(posterior.fit, options.half_splits)
-    inflation = inflation_by_halves(ratio, options.expected_half_ratio, 5 * options.half_splits)
-    # Only one of the two is used: the design effect and the correlation of patches measure the same
-    # correlation.
+    inflation = errors.inflation_by_halves(ratio, POSE_PARAMETERS * options.half_splits)
+    # Only one of the two is used: both are the effect of the same correlation.
     if matches.design_effect > 1.0:
         inflation *= matches.design_effect
     elif ratio is not None:
-        inflation *= inflation_between_patches(posterior.fit) * inflation_beyond_patches(
-            ratio, options
-        )
+        errors = errors.with_pair(ratio, diagnostics.residual_correlation)
+        inflation += errors.common_to_halves(options.common_error_slope)
     covariance = inflation * posterior.covariance()
     covariance[:3, :3] += shared_covariance(matches, options.shared_error_px)
     return covariance

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
+from farpoint._kernels.compile import AnnouncedCompilation
 from farpoint._kernels.constants import COARSE_STEPS, SHUTTER_ERRORS
 from farpoint._kernels.lens_errors import (
     RaysWithErrors,
@@ -102,12 +103,13 @@ def with_lens_uncertainty(
     inliers = np.flatnonzero(pose.labels != TrackLabel.OUTLIER)
     inliers = inliers[:: max(-(-len(inliers) // LENS_INLIERS), 1)]
     lenses = _Lenses.of(view0.select(inliers), view1.select(inliers), shutter, inliers, theta)
-    rays = lenses.rays()
-    if pose.status is PoseStatus.OK:
-        errors = _explained_by_a_rotation(lenses, rays, pose, false_alarm_rate)
-        if errors is not None and not is_observable(*lenses.at(errors)):
-            pose = _without_direction(pose)
-    by_lens = _sensitivity(pose, *rays)
+    with AnnouncedCompilation("lens errors"):
+        rays = lenses.rays()
+        if pose.status is PoseStatus.OK:
+            errors = _explained_by_a_rotation(lenses, rays, pose, false_alarm_rate)
+            if errors is not None and not is_observable(*lenses.at(errors)):
+                pose = _without_direction(pose)
+        by_lens = _sensitivity(pose, *rays)
     spread = by_lens @ by_lens.T
     if pose.covariance is not None:
         return with_covariance(pose, pose.covariance + spread)

@@ -49,20 +49,13 @@ class RelativePoseOptions:
     half_splits : int
         Number of random splits of the matches into two halves; 0 for none. The difference between
         the poses from two halves scales the covariance. Splits are meant for tracks, because errors
-        of tracks on one surface are correlated. Patches of 3 to 6 neighbouring matches are not
-        split. If the residuals of neighbouring patches are correlated, too, the covariance of the
-        motion is inflated further.
-    expected_half_ratio : float
-        Expected split-half ratio: the mean `PoseStats.half_ratio` of earlier pairs of the same
-        video, which `Odometry` computes; 1 for independent noise. The expected ratio has the weight
-        of 8 splits. Without splits only the expected ratio scales the covariance.
-    expected_half_ratio_pairs : int
-        Number of image pairs in the mean `expected_half_ratio`.
-    sharing_beyond_patches : float
-        Slope of the inflation for errors that are correlated beyond a patch, which video codecs
-        cause. The split-half ratio contains only a part of these errors. The covariance is
-        multiplied by 1 plus this slope times the excess of the mean split-half ratio over the ratio
-        of uncompressed video. 0 for no inflation.
+        of tracks on one surface are correlated. Matches of one of 16 parts of the image are in the
+        same half.
+    common_error_slope : float
+        Slope s of the inflation for errors that both halves have in common, which video codecs
+        cause. The split-half ratio does not contain these errors. With the mean correlation c of
+        neighbouring residuals, ``exp(s (c - 0.17)) - 1`` is added to the factor on the covariance;
+        c is limited to 0.17 to 0.46. 0 for no inflation.
     false_alarm_rate : float
         Probability, in (0, 1), of each of three false alarms: a translation is reported for a pure
         rotation, a rotation is reported for a static camera, or a chance agreement of matches is
@@ -78,20 +71,15 @@ class RelativePoseOptions:
     shared_error_px: float = 0.0
     count_sharing: bool = True
     half_splits: int = 0
-    expected_half_ratio: float = 1.0
-    expected_half_ratio_pairs: int = 2
-    sharing_beyond_patches: float = 0.0
+    common_error_slope: float = 0.0
     false_alarm_rate: float = 1e-3
 
     def __post_init__(self) -> None:
         coerce_positive(self, "matching_tolerance_px", "flow_saturation_px")
-        ratios = "a ratio, 0.001 to 1000"
-        coerce_float(self, ratios, lambda ratio: 1e-3 <= ratio <= 1e3, "expected_half_ratio")
         rates = "confidence", "false_alarm_rate"
         coerce_float(self, "a probability in (0, 1)", lambda rate: 0 < rate < 1, *rates)
         coerce_float(self, "0 px or more", lambda px: px >= 0, "shared_error_px")
-        coerce_float(self, "0 or more", lambda slope: slope >= 0, "sharing_beyond_patches")
-        coerce_int(self, 1, "expected_half_ratio_pairs")
+        coerce_float(self, "0 or more", lambda slope: slope >= 0, "common_error_slope")
         coerce_int(self, 0, "min_iterations", "max_iterations", "half_splits")
         if self.min_iterations > self.max_iterations:
             raise InputError(

@@ -10,11 +10,9 @@ from farpoint.geometry.so3 import rotation_vector
 from farpoint.pose import conclusion
 from farpoint.pose.certainty import fixes_rotation
 from farpoint.pose.conclusion import Diagnostics, label_matches
-from farpoint.pose.constants import FAR_LESS_NOISE_RATIO, IDENTITY
+from farpoint.pose.constants import FAR_LESS_NOISE_RATIO, IDENTITY, ROTATION_PARAMETERS
 from farpoint.pose.covariance import (
     general_motion_covariance,
-    inflation_beyond_patches,
-    inflation_by_halves,
     shared_covariance,
     split_half_ratio_of_rotation,
 )
@@ -24,6 +22,7 @@ from farpoint.pose.model_selection import is_consensus, is_static
 from farpoint.pose.options import RelativePoseOptions
 from farpoint.pose.pure_rotation import PureRotationFit
 from farpoint.pose.result import PoseStatus, RelativePose
+from farpoint.pose.track_errors import TrackErrors
 
 __all__ = ["conclude_pure_rotation"]
 
@@ -35,6 +34,7 @@ def conclude_pure_rotation(
     evidence: float,
     options: RelativePoseOptions,
     diagnostics: Diagnostics,
+    errors: TrackErrors,
 ) -> RelativePose:
     """Result from the fitted pure rotation.
 
@@ -48,7 +48,7 @@ def conclude_pure_rotation(
     if not is_consensus(agreeing, len(matches), 2, chance, rate):
         return conclusion.no_consensus(matches, agreeing, diagnostics)
     diagnostics.cost = fit.cost
-    covariance = _inflated_covariance(matches, fit, options, diagnostics)
+    covariance = _inflated_covariance(matches, fit, options, diagnostics, errors)
     stands_still = is_static(fit.R_cam1_from_cam0, covariance, rate)
     if general.noise.mean_sigma < FAR_LESS_NOISE_RATIO * fit.noise.mean_sigma:
         evidence = 1.0
@@ -77,14 +77,19 @@ def conclude_pure_rotation(
 
 
 def _inflated_covariance(
-    matches: Matches, fit: PureRotationFit, options: RelativePoseOptions, diagnostics: Diagnostics
+    matches: Matches,
+    fit: PureRotationFit,
+    options: RelativePoseOptions,
+    diagnostics: Diagnostics,
+    errors: TrackErrors,
 ) -> np.ndarray:
     """Covariance (3, 3), rad^2, inflated for correlated residuals and common errors."""
     ratio = split_half_ratio_of_rotation(matches, fit, options.half_splits)
     diagnostics.split_half_ratio = ratio
-    inflation = inflation_by_halves(ratio, options.expected_half_ratio, 3 * options.half_splits)
+    inflation = errors.inflation_by_halves(ratio, ROTATION_PARAMETERS * options.half_splits)
     if ratio is not None:
-        inflation *= inflation_beyond_patches(ratio, options)
+        errors = errors.with_pair(ratio, diagnostics.residual_correlation)
+        inflation += errors.common_to_halves(options.common_error_slope)
     covariance = matches.design_effect * inflation * fit.covariance
     return covariance + shared_covariance(matches, options.shared_error_px)
 

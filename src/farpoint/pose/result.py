@@ -65,6 +65,9 @@ class PoseStats:
         Split-half ratio: squared difference between the poses from two halves of the matches,
         divided by the value that the covariances predict. None without splits
         (`RelativePoseOptions.half_splits`).
+    residual_correlation : float or None
+        Correlation of the residuals of neighbouring matches; 0 for independent errors. None without
+        a refinement.
     search_s, refinement_s, covariance_s : float
         Time spent in each stage, seconds.
     """
@@ -78,6 +81,7 @@ class PoseStats:
     sign_probability: float | None
     sharing: float
     half_ratio: float | None
+    residual_correlation: float | None = None
     search_s: float
     refinement_s: float
     covariance_s: float

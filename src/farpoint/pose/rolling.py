@@ -17,6 +17,7 @@ from farpoint.pose.matches import PixelMatches
 from farpoint.pose.options import RelativePoseOptions
 from farpoint.pose.result import RelativePose, TrackLabel
 from farpoint.pose.shutter import Shutter
+from farpoint.pose.track_errors import TrackErrors
 from farpoint.pose.two_views import estimate, search
 
 __all__ = ["Searched", "estimate_rolling", "search_rolling"]
@@ -63,6 +64,7 @@ def estimate_rolling(
     options: RelativePoseOptions,
     seed: int,
     searched: Searched | None,
+    errors: TrackErrors,
 ) -> RelativePose:
     """Estimate the motion so that the rotation undone in the rows equals the estimated rotation.
 
@@ -81,7 +83,7 @@ def estimate_rolling(
     while True:
         passes += 1
         matches = pixels.matches(partial(shutter.unrolled, theta))
-        pose = estimate(matches, options.matching_tolerance_px, options, seed, start)
+        pose = estimate(matches, options.matching_tolerance_px, options, seed, start, errors)
         R, R_covariance, C = pose.rotation_cam1_from_cam0, pose.rotation_covariance, pose.covariance
         if R is None or R_covariance is None:
             return pose

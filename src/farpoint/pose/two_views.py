@@ -35,6 +35,7 @@ from farpoint.pose.posterior import compare_motions
 from farpoint.pose.pure_rotation import fit_pure_rotation, lazy_pure_rotation
 from farpoint.pose.pure_rotation_conclusion import conclude_pure_rotation
 from farpoint.pose.result import RelativePose
+from farpoint.pose.track_errors import NO_EARLIER_PAIRS, TrackErrors
 from farpoint.pose.two_motions import explain_by_two
 
 __all__ = ["estimate", "search", "shows_direction"]
@@ -61,8 +62,12 @@ def estimate(
     options: RelativePoseOptions,
     seed: int,
     start: GeneralMotionFit | None = None,
+    errors: TrackErrors = NO_EARLIER_PAIRS,
 ) -> RelativePose:
-    """The motion of the matches; with a ``start`` from an earlier search there is no new search."""
+    """The motion of the matches; with a ``start`` from an earlier search there is no new search.
+
+    ``errors`` are those of the tracks in the earlier pairs of a video.
+    """
     diagnostics = Diagnostics()
     if len(matches) < MIN_MATCHES:
         return failed_pose(
@@ -72,7 +77,7 @@ def estimate(
             diagnostics,
         )
     with AnnouncedCompilation("motion"):
-        return _find(matches, tolerance, options, _random_state(seed), diagnostics, start)
+        return _find(matches, tolerance, options, _random_state(seed), diagnostics, start, errors)
 
 
 def shows_direction(matches: Matches, pose: RelativePose, options: RelativePoseOptions) -> bool:
@@ -104,6 +109,7 @@ def _find(
     state: np.ndarray,
     diagnostics: Diagnostics,
     start: GeneralMotionFit | None,
+    errors: TrackErrors,
 ) -> RelativePose:
     if not options.refine:
         rotation = far_rotation(matches, tolerance, state)
@@ -119,7 +125,8 @@ def _find(
     if two is not None:
         matches, general = two.matches, two.fit
         diagnostics.note(two.described())
-    if general.neighbours.correlation > NOTED_CORRELATION:
+    diagnostics.residual_correlation = general.neighbours.correlation
+    if diagnostics.residual_correlation > NOTED_CORRELATION:
         diagnostics.note(CORRELATED)
     if options.count_sharing:
         matches, general = count_residual_correlation(matches, general)
@@ -132,8 +139,12 @@ def _find(
     if not is_clearly_translating(general):
         evidence = translation_evidence(matches, general, pure_rotation(), rate)
     if evidence >= 1.0:
-        return conclude_general_motion(matches, posterior, pure_rotation, options, diagnostics)
-    return conclude_pure_rotation(matches, pure_rotation(), general, evidence, options, diagnostics)
+        return conclude_general_motion(
+            matches, posterior, pure_rotation, options, diagnostics, errors
+        )
+    return conclude_pure_rotation(
+        matches, pure_rotation(), general, evidence, options, diagnostics, errors
+    )
 
 
 def _with_noise_floor(

@@ -19,6 +19,7 @@ from farpoint.pose.pure_rotation import fit_pure_rotation
 from farpoint.pose.result import RelativePose
 from farpoint.pose.rolling import Searched, estimate_rolling, search_rolling
 from farpoint.pose.shutter import AngularVelocityPrior, Shutter, shutter_of
+from farpoint.pose.track_errors import NO_EARLIER_PAIRS, TrackErrors
 from farpoint.pose.two_views import estimate, shows_direction
 
 __all__ = ["Views", "estimate_views", "rough_motion", "search_views"]
@@ -27,7 +28,8 @@ __all__ = ["Views", "estimate_views", "rough_motion", "search_views"]
 class Views(NamedTuple):
     """The arguments of `estimate_relative_pose`.
 
-    If an ``angular_prior`` is given, the angular velocity need not be constant.
+    If an ``angular_prior`` is given, the angular velocity need not be constant. ``track_errors``
+    are those of the earlier pairs of a video.
     """
 
     points0: np.ndarray
@@ -39,6 +41,7 @@ class Views(NamedTuple):
     readout_s: float | None
     interval_s: float | None
     angular_prior: AngularVelocityPrior | None = None
+    track_errors: TrackErrors = NO_EARLIER_PAIRS
 
     def shutter(self) -> Shutter | None:
         """The shutter of the views; None for a global shutter."""
@@ -65,11 +68,12 @@ def estimate_views(
     """
     shutter = views.shutter()
     pixels, start = views.pixels(), None if searched is None else searched.fit
+    errors = views.track_errors
     if shutter is not None and shutter.share != 0.0:
-        pose = estimate_rolling(shutter, pixels, options, seed, searched)
+        pose = estimate_rolling(shutter, pixels, options, seed, searched, errors)
     else:
         tolerance = options.matching_tolerance_px
-        pose = estimate(pixels.matches(), tolerance, options, seed, start)
+        pose = estimate(pixels.matches(), tolerance, options, seed, start, errors)
 
     def is_observable(camera0: Camera, camera1: Camera, shutter: Shutter | None) -> bool:
         """Whether the matches also show a direction with other lenses and another shutter."""

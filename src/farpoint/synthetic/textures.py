@@ -31,9 +31,9 @@ def noise(rng: np.random.Generator, log2_width: int = 9) -> np.ndarray:
 
 
 def facade(rng: np.random.Generator, log2_width: int = 10, *, bays: int = 8) -> np.ndarray:
-    """Wall with ``bays`` x ``bays`` windows, whose panes, sills and curtains differ at random.
+    """Wall with ``bays`` x ``bays`` bays, most with a window; panes, bars and blinds are random.
 
-    Values are from -1 (a dark pane) to 1 (a white frame). The wall itself is 0.
+    Values are -1 (dark pane) to 0.95 (white sill); the wall is 0, joints between floors -0.35.
     """
     width = 1 << log2_width
     image = np.zeros((width, width))

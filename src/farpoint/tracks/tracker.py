@@ -39,7 +39,7 @@ class _Reference:
 
 
 class _Start(NamedTuple):
-    """Initial pixels (N, 2) and warps (N, 2, 2) of tracks, and how many tracks must be found.
+    """Initial pixels (N, 2) and warps (N, 2, 2) of tracks, and how many found tracks suffice.
 
     The number is half of the tracks whose initial pixel is in the image, but at least a quarter of
     all tracks, because an initial pixel outside the image may be wrong.

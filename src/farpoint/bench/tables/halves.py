@@ -8,7 +8,7 @@ from farpoint.bench.options import BenchOptions, Progress
 from farpoint.bench.sequences import Sequence, find_sequences
 from farpoint.bench.table import Cell, Column, Table
 from farpoint.bench.tables.halves_by_cells import (
-    PATCHES,
+    PARTS,
     HalvesBySplit,
     halves_by_cells,
     split_halves,
@@ -71,7 +71,7 @@ def _table(sequences: dict[str, list[HalvesBySplit]], seeds: range, options: Ben
         command=options.command("halves"),
         columns=_COLUMNS,
         rows=tuple(
-            (name, *_cells([run[PATCHES] for run in runs])) for name, runs in sequences.items()
+            (name, *_cells([run[PARTS] for run in runs])) for name, runs in sequences.items()
         ),
         notes=(
             "ratio: squared differences over their expectation by the covariances; 1 for honest "
@@ -82,7 +82,7 @@ def _table(sequences: dict[str, list[HalvesBySplit]], seeds: range, options: Ben
             "opposed: pairs whose halves have opposite directions; they are in no ratio",
             "pose_68, pose_95: share of the pairs in_pose whose difference is within the 68 % "
             "and 95 % region",
-            "patches of 3 to 6 tracks stay in one half; seeds of the runs: "
+            "the tracks of one of 16 parts of the image are in the same half; seeds of the runs: "
             f"{seeds[0]} to {seeds[-1]}",
         ),
     )

@@ -11,12 +11,12 @@ from farpoint.bench.table import Cell, Column, Table
 from farpoint.metrics import SplitHalf, evaluate_halves
 from farpoint.odometry import Odometry, OdometryResult
 
-__all__ = ["PATCHES", "HalvesBySplit", "halves_by_cells", "split_halves"]
+__all__ = ["PARTS", "HalvesBySplit", "halves_by_cells", "split_halves"]
 
-PATCHES = "patches"
+PARTS = "parts"
 # Width of the image cells whose tracks stay in one half, px.
 _CELLS_PX: dict[str, float | None] = {
-    PATCHES: None,
+    PARTS: None,
     "cells of 64 px": 64.0,
     "cells of 128 px": 128.0,
 }
@@ -51,7 +51,7 @@ def halves_by_cells(sequences: Mapping[str, Sequence[HalvesBySplit]], command: s
     """A row for each sequence (given by several runs) and each way to split the tracks."""
     return Table(
         name="halves_by_cells",
-        title="Halves of the tracks of real images, split by patches and by image cells",
+        title="Halves of the tracks of real images, split by parts of the image and by image cells",
         command=command,
         columns=_COLUMNS,
         rows=tuple(
@@ -60,8 +60,8 @@ def halves_by_cells(sequences: Mapping[str, Sequence[HalvesBySplit]], command: s
             for split_by in _CELLS_PX
         ),
         notes=(
-            "split_by: patches of 3 to 6 tracks, or all tracks of an image cell, stay in one "
-            "half; errors common to the tracks of one patch or cell do not cancel in the "
+            "split_by: all tracks of one of 16 parts of the image, or of an image cell, are in the "
+            "same half; errors common to the tracks of one part or cell do not cancel in the "
             "difference",
             "compared: pairs whose halves both have a direction; sigma_over_error, pose_68 and "
             "pose_95 are those of these pairs",
