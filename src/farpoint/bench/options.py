@@ -27,6 +27,7 @@ TableName = Literal[
     "live",
     "lenses",
     "tracks",
+    "codecs",
     "motions",
     "path",
     "lens",
@@ -102,10 +103,11 @@ class BenchOptions:
     pairs : int or None
         Size of each table. The default sizes are given here in parentheses. The size is a number
         of pairs of views per cell (``paper`` 2000, ``accuracy`` 300, ``pairs`` 60, ``movers`` 60,
-        ``scenes`` 60), pairs of frames per row (``lenses`` 40, ``tracks`` 60, ``motions`` 168,
-        ``steps`` 40), scenes per number of matches (``time`` 30), frames (``pipeline`` 60,
-        ``drawing`` 60), seconds of a session (``live`` 60), motions (``path``, by default 100 of
-        each rendered drive or all of each sequence), or recordings per row (``lens`` 7).
+        ``scenes`` 60), pairs of frames per row (``lenses`` 40, ``tracks`` 60, ``codecs`` 60,
+        ``motions`` 168, ``steps`` 40), scenes per number of matches (``time`` 30), frames
+        (``pipeline`` 60, ``drawing`` 60), seconds of a session (``live`` 60), motions (``path``, by
+        default 100 of each rendered drive or all of each sequence), or recordings per row
+        (``lens`` 7).
     seed : int
         Seed of scenes and estimators. The same seed gives the same figures, except for times.
     data : tuple of Path

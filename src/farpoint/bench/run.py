@@ -14,6 +14,7 @@ from farpoint.bench.estimators import peer_versions
 from farpoint.bench.options import BenchOptions, Progress, TableName
 from farpoint.bench.table import Table
 from farpoint.bench.tables.accuracy import accuracy_table
+from farpoint.bench.tables.codecs import codecs_table
 from farpoint.bench.tables.coverage import coverage_table
 from farpoint.bench.tables.drawing import drawing_table
 from farpoint.bench.tables.halves import halves_table
@@ -49,6 +50,7 @@ _MAKERS: dict[TableName, tuple[_Maker, ...]] = {
     "pipeline": (pipeline_table,),
     "lenses": (unprojection_table, wide_table),
     "tracks": (tracks_table,),
+    "codecs": (codecs_table,),
     "motions": (motions_table,),
     "path": (path_tables,),
     "lens": (lens_table,),
