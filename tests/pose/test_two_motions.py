@@ -17,9 +17,8 @@ from farpoint.pose.matches import Matches, matches_from_points
 from farpoint.pose.options import DEFAULTS
 from farpoint.pose.two_motions import (
     TwoMotions,
-    _entropies,
+    _classification,
     _log_likelihoods,
-    _mixture,
     explain_by_two,
 )
 from farpoint.synthetic import PointSceneOptions, make_point_scene
@@ -204,21 +203,20 @@ def test_densities_are_those_of_the_residuals():
     assert whole == pytest.approx(1.0, abs=0.01)
 
 
-def test_shares_and_responsibilities_are_those_of_the_mixture():
+def test_matches_are_classified_by_the_mixture_of_both_motions():
     rng = np.random.default_rng(4)
     matches = matches_from_points(*rng.uniform(0.0, 400.0, (2, 1000, 2)), *[vga()] * 2)
     x = np.concatenate([rng.normal(0.0, 1.0, 600), rng.normal(8.0, 1.0, 400)])
     one, two = (-0.5 * (x - c) ** 2 - 0.5 * math.log(2.0 * math.pi) for c in (0.0, 8.0))
-    responsibility, log_likelihoods = _mixture(matches, one, two)
-    np.testing.assert_allclose(responsibility.sum(axis=0), 1.0)
-    np.testing.assert_allclose(responsibility.mean(axis=1), [0.6, 0.4, 0.0], atol=0.01)
+    follows, log_likelihoods = _classification(matches, one, two)
+    np.testing.assert_array_equal(follows, np.repeat([0, 1], [600, 400]))
     expected = np.log(0.6 * np.exp(one) + 0.4 * np.exp(two)).sum()
-    assert log_likelihoods.sum() == pytest.approx(expected, abs=2.0)
-    assert _entropies(responsibility).sum() < 10.0
+    assert expected - 12.0 < log_likelihoods.sum() < expected + 2.0  # minus a little entropy
     # Two equal densities separate nothing.
     few = matches.select(np.arange(600))
-    responsibility, _ = _mixture(few, one[:600], one[:600])
-    assert _entropies(responsibility).sum() == pytest.approx(600 * math.log(2.0), rel=0.1)
+    _, log_likelihoods = _classification(few, one[:600], one[:600])
+    entropy = one[:600].sum() - log_likelihoods.sum()
+    assert entropy == pytest.approx(600 * math.log(2.0), rel=0.1)
 
 
 def vga() -> Camera:
@@ -243,10 +241,8 @@ def test_the_ratio_is_that_of_the_classification_likelihood():
     assert two is not None
     assert two.second is not None
     densities = (log_densities(fit.matches, each) for each in (two.fit, two.second))
-    responsibility, log_likelihoods = _mixture(fit.matches, *densities)
+    _, log_likelihoods = _classification(fit.matches, *densities)
     laplace = two.fit.laplace_factor + two.second.laplace_factor - fit.laplace_factor
     gain = np.sum(log_likelihoods - _log_likelihoods(fit.matches, fit)) - laplace
-    entropy = _entropies(responsibility).sum()
-    assert entropy > 1.0
-    expected = (gain - entropy) / fit.neighbours.design_effect
+    expected = gain / fit.neighbours.design_effect
     assert two.log_ratio == pytest.approx(expected, rel=1e-3)

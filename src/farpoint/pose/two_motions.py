@@ -27,13 +27,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from farpoint._kernels.classification import classify
 from farpoint._kernels.constants import (
     EM_ROUNDS,
     GATE_SIGMA,
     MAX_SEARCHED,
     MIN_MATCHES,
     REMAINING_GAIN_FACTOR,
-    ROUNDING,
 )
 from farpoint._kernels.evidence import find_stationary
 from farpoint.geometry.vectors import median
@@ -221,12 +221,12 @@ def _classify(
     sigma of the sampling error is added to the upper bound.
     """
     unused = 1.0 - len(matches) / total
-    alone, gain, follows = _log_likelihoods(matches, fit), -math.inf, np.zeros(0)
+    alone, gain, follows = _log_likelihoods(matches, fit), -math.inf, np.zeros(0, np.int64)
     for _ in range(EM_ROUNDS):
         densities = log_densities(matches, first), _second_density(matches, first, second)
-        responsibility, log_likelihoods = _mixture(matches, *densities)
-        before, follows = (gain, follows), np.argmax(responsibility, axis=0)
-        gains = log_likelihoods - _entropies(responsibility) - alone
+        before = gain, follows
+        follows, classified = _classification(matches, *densities)
+        gains = classified - alone
         gain = float(np.sum(gains)) + fit.laplace_factor - first.laplace_factor
         if second is not None:
             gain -= second.laplace_factor
@@ -265,28 +265,21 @@ def _of_camera(matches: Matches, fit: GeneralMotionFit, found: _Classified) -> T
     return None
 
 
-def _mixture(matches: Matches, one: np.ndarray, two: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Responsibilities (3, N) and log likelihoods (N,) of two motions and outliers."""
+def _classification(
+    matches: Matches, one: np.ndarray, two: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Component (N,) that each match follows, and classification log likelihoods (N,).
+
+    ``one`` and ``two`` (N,) are the log densities of the matches under two motions.
+    """
     outliers = np.full(len(matches), -math.log(2.0 * matches.outlier_half_width))
-    densities = np.stack([one, two, outliers])
-    densities -= (largest := densities.max(axis=0))
-    np.exp(densities, out=densities)
-    shares, responsibility, total = np.full(3, 1.0 / 3.0), densities, largest
-    for _ in range(EM_ROUNDS):
-        weighted = shares[:, None] * densities
-        total = weighted.sum(axis=0)
-        responsibility = weighted / total
-        shares = np.maximum(responsibility.mean(axis=1), ROUNDING)
-    return responsibility, np.log(total) + largest
-
-
-def _entropies(responsibility: np.ndarray) -> np.ndarray:
-    """Entropy (N,) of the responsibilities (3, N) of each match."""
-    return -np.sum(responsibility * np.log(np.maximum(responsibility, ROUNDING)), axis=0)
+    follows, log_likelihoods = np.empty(len(matches), np.int64), np.empty(len(matches))
+    classify(np.stack([one, two, outliers]), follows, log_likelihoods)
+    return follows, log_likelihoods
 
 
 def _log_likelihoods(matches: Matches, fit: GeneralMotionFit) -> np.ndarray:
-    """Log likelihoods (N,) of one motion, comparable with those of `_mixture`."""
+    """Log likelihoods (N,) of one motion, comparable with those of `_classification`."""
     share = fit.noise.outlier_share
     outliers = math.log(share / (2.0 * matches.outlier_half_width))
     inliers = math.log1p(-share) + log_densities(matches, fit)
