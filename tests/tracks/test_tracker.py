@@ -166,6 +166,18 @@ def test_a_wrong_prediction_costs_no_tracks():
         assert len(started().match(moved, wrong)) == len(tracks)
 
 
+def test_a_prediction_that_is_right_for_a_third_of_the_tracks_is_not_kept():
+    moved = photo(SCENE.grey(shift=(3, 2)))
+
+    def partly_wrong(points: np.ndarray) -> np.ndarray:
+        expected = points + np.array([3.0, 2.0])
+        wrong = points[:, 0] > 70.0  # of 320 px
+        expected[wrong, 1] = SCENE.grey().shape[0] - 1.0 - expected[wrong, 1]
+        return expected
+
+    assert len(started().match(moved, partly_wrong)) == len(started().match(moved))
+
+
 @pytest.mark.parametrize("is_right", [True, False])
 def test_tracks_that_leave_the_image_as_predicted_are_not_matched_again(
     is_right: bool, monkeypatch: pytest.MonkeyPatch
