@@ -210,7 +210,7 @@ FIRST_PAIRS = 1
 MAX_PAIRS = 100
 
 # Largest correlation of neighbouring residuals of uncompressed video. Measured by `farpoint bench
-# --tables codecs`: 0.14 for rendered drives; 0.15 to 0.2 for recordings of cameras on vehicles.
+# --tables codecs`: 0.12 to 0.15 for rendered drives; 0.15 to 0.2 for recordings of vehicles.
 UNCOMPRESSED_CORRELATION = 0.17
 
 # Largest correlation of neighbouring residuals that a codec causes. Measured by `farpoint bench
