@@ -10,16 +10,15 @@ import pytest
 from farpoint._kernels.constants import (
     COARSE_STEPS,
     LENS_LINEAR_SIGMA,
-    SHUTTER_ERRORS,
     STUDENT_FREEDOM,
 )
 from farpoint._kernels.lens_errors import (
     RaysWithErrors,
-    RowMotion,
     explain_by_rotation,
     lens_sensitivity,
     rays_with_errors,
 )
+from farpoint._kernels.row_rotation import RowMotion
 from farpoint._kernels.vectors import tangent_columns
 from farpoint.camera import Camera
 from farpoint.geometry import so3
@@ -30,8 +29,11 @@ CAMERA = Camera.pinhole(640, 480, 500.0, 510.0, 320.0, 235.0).with_uncertainty(
 )
 GLOBAL_SHUTTER = RowMotion()
 RATE = np.array([0.02, -0.03, 0.01])
-ROWS = RowMotion(RATE, 0.1 * RATE, 0.005, 1 / 479)
+TURN = np.array([0.05, 0.02, -0.1])
+ROWS = RowMotion(RATE, TURN, 0.1 * RATE, 0.1 * TURN, 1 / 479)
+NOT_TURNING = RowMotion(RATE, np.zeros(3), 0.1 * RATE, np.zeros(3), 1 / 479)
 COUNT = 40
+MEANS = np.random.default_rng(6).uniform(-0.5, 0.5, COUNT)
 NOISE_PX = 0.5
 
 
@@ -39,10 +41,14 @@ def through(pixels: np.ndarray, rows: RowMotion, z: np.ndarray) -> np.ndarray:
     """Rays of pixels through the lens with errors ``z``, in the axes of the middle row."""
     lens, factor = CAMERA.refinable, CAMERA.parameter_factor
     given = np.array(list(lens.parameters.values()))
-    rays = lens.with_parameters(given + factor @ z[:-SHUTTER_ERRORS]).unproject(pixels)
-    by_readout, derivative = z[-SHUTTER_ERRORS], z[1 - SHUTTER_ERRORS :]
-    rate = rows.rate + rows.by_readout * by_readout + rows.by_derivative * derivative
-    return np.einsum("nij,nj->ni", so3.exp(-phases(pixels)[:, None] * rate), rays)
+    rays = lens.with_parameters(given + factor @ z[:-1]).unproject(pixels)
+    rate, turn = (
+        rows.rate + z[-1] * rows.rate_by_readout,
+        rows.turn + z[-1] * rows.turn_by_readout,
+    )
+    for vectors in (phases(pixels)[:, None] * rate, MEANS[:, None] * turn):
+        rays = np.einsum("nij,nj->ni", so3.exp(-vectors), rays)
+    return rays
 
 
 def phases(pixels: np.ndarray) -> np.ndarray:
@@ -57,7 +63,7 @@ def with_errors(
     found = RaysWithErrors(
         np.empty((count, 3)),
         np.empty((count, 3, 2)),
-        np.empty((count, 3, factor.shape[1] + SHUTTER_ERRORS)),
+        np.empty((count, 3, factor.shape[1] + 1)),
     )
     rays_with_errors(
         rays,
@@ -65,6 +71,7 @@ def with_errors(
         CAMERA.refinable.project_parameter_jacobian(rays),
         factor,
         phases(pixels),
+        MEANS,
         rows,
         found,
     )
@@ -85,10 +92,10 @@ def test_rays_move_with_the_errors(pixels: np.ndarray, rows: RowMotion):
     for k in range(r):
         ahead, back = (through(pixels, rows, sign * step * np.eye(r)[k]) for sign in (1.0, -1.0))
         expected = (ahead - back) / (2.0 * step)
-        assert np.abs(expected).max() > 1e-4 or (rows is GLOBAL_SHUTTER and k >= r - SHUTTER_ERRORS)
-        # The derivatives by the last three errors are of first order in the turn within an image.
-        is_first_order = k > r - SHUTTER_ERRORS
-        atol = np.linalg.norm(rows.rate) * np.abs(expected).max() if is_first_order else 1e-8
+        assert np.abs(expected).max() > 1e-4 or (rows is GLOBAL_SHUTTER and k == r - 1)
+        # The derivative by the read-out time is of first order in the turn within an image.
+        is_first_order = k == r - 1
+        atol = 0.5 * np.linalg.norm(rows.turn) * np.abs(expected).max() if is_first_order else 1e-8
         np.testing.assert_allclose(found.by_error[:, :, k], expected, atol=atol)
 
 
@@ -162,7 +169,7 @@ def test_a_motion_moves_with_the_errors(has_direction: bool):
             for side, rays in sides
         )
     step = 1e-3
-    for k in range(r - SHUTTER_ERRORS):
+    for k in range(r - 1):
         ahead, back = (
             solution(
                 R,
@@ -176,8 +183,8 @@ def test_a_motion_moves_with_the_errors(has_direction: bool):
             for sign in (1.0, -1.0)
         )
         np.testing.assert_allclose(found[:, k], (ahead - back) / (2.0 * step), atol=2e-6)
-    assert np.abs(found[:, : r - SHUTTER_ERRORS]).max() > 1e-4
-    np.testing.assert_array_equal(found[:, r - SHUTTER_ERRORS :], 0.0)
+    assert np.abs(found[:, : r - 1]).max() > 1e-4
+    np.testing.assert_array_equal(found[:, r - 1 :], 0.0)
 
 
 def test_matches_without_rays_move_nothing():
@@ -229,7 +236,7 @@ def optimum(
 def test_the_errors_that_explain_the_flow_are_the_mode():
     R, pixels0, pixels1 = two_views(0.0)
     pixels1 += np.random.default_rng(0).normal(0.0, NOISE_PX, pixels1.shape)
-    first, second = with_errors(pixels0, ROWS), with_errors(pixels1, ROWS)
+    first, second = with_errors(pixels0, NOT_TURNING), with_errors(pixels1, NOT_TURNING)
     remaining, rotated, z = explained(R, first, second)
     theta, expected = optimum(R, first, second)
     assert remaining == 0

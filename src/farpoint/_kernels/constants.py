@@ -94,9 +94,9 @@ STUDENT_FREEDOM = 5.0
 # pose. Derived: rotation (3), direction (2).
 POSE_PARAMETERS = 5
 
-# Number of errors of a rolling shutter. Derived: read-out time (1), and derivative of the angular
-# velocity (3).
-SHUTTER_ERRORS = 4
+# Number of changes of the velocity between two views. Derived: change of the angular velocity (3),
+# turn of the direction of translation (3).
+VELOCITY_CHANGES = 6
 
 # Least number of matches for a motion, and for any group of matches that is tested or fitted by
 # itself. Convention: five matches fix a motion, and a consensus needs a few more.

@@ -1,7 +1,7 @@
 """Effect of errors of lens and shutter on rays, on the motion, and on the derotated flow.
 
-The errors ``z`` (r,) are in units of one sigma. The last four are the errors of a rolling shutter:
-read-out time (1), and derivative of the angular velocity (3). The others are errors of the lens.
+The errors ``z`` (r,) are in units of one sigma. The last is the error of the read-out time of a
+rolling shutter. The others are errors of the lens.
 """
 
 from __future__ import annotations
@@ -23,10 +23,12 @@ from farpoint._kernels.constants import (
     TINY,
 )
 from farpoint._kernels.linear import apply_rotation_step
-from farpoint._kernels.row_rotation import axis_and_angle, column, rotation_about
+from farpoint._kernels.normal_equations import add_row
+from farpoint._kernels.row_rotation import RowMotion, column, unrolled_ray
 from farpoint._kernels.vectors import (
     Matrix,
     Vector,
+    axpby,
     cross,
     dot,
     matrix,
@@ -37,7 +39,6 @@ from farpoint._kernels.vectors import (
 
 __all__ = [
     "RaysWithErrors",
-    "RowMotion",
     "explain_by_rotation",
     "lens_sensitivity",
     "rays_with_errors",
@@ -52,21 +53,6 @@ class RaysWithErrors(NamedTuple):
     by_error: np.ndarray
 
 
-class RowMotion(NamedTuple):
-    """Rotation of a camera while the rows of an image are read.
-
-    ``rate`` (3,) is the rotation vector from the first row to the last. Its derivative by the error
-    of the read-out time is ``by_readout`` (3,). Its derivative by the errors (3,) of the derivative
-    of the angular velocity is ``by_derivative`` times the identity. ``per_px`` is the time from one
-    row to the next, divided by the read-out time. By default, the shutter is global.
-    """
-
-    rate: np.ndarray = np.zeros(3)
-    by_readout: np.ndarray = np.zeros(3)
-    by_derivative: float = 0.0
-    per_px: float = 0.0
-
-
 @kernel
 def rays_with_errors(
     rays: np.ndarray,
@@ -74,6 +60,7 @@ def rays_with_errors(
     by_parameters: np.ndarray,
     factor: np.ndarray,
     phases: np.ndarray,
+    means: np.ndarray,
     rows: RowMotion,
     out: RaysWithErrors,
 ) -> None:
@@ -88,22 +75,21 @@ def rays_with_errors(
         Rays in the axes of their rows, and derivatives by the pixel.
     by_parameters : ndarray, shape (N, 2, P)
         Derivatives of the pixels by the parameters of the lens.
-    factor : ndarray, shape (P, r - 4)
+    factor : ndarray, shape (P, r - 1)
         Changes of the parameters by the errors of the lens.
-    phases : ndarray, shape (N,)
-        Time of each row after the middle row, divided by the read-out time.
+    phases, means : ndarray, shape (N,)
+        Phase of the row of each ray, and mean phase of the two rows of its match (`unroll_rays`).
     rows : RowMotion
     out : RaysWithErrors
         Receives the result.
     """
-    velocity, by_readout = vector(rows.rate), vector(rows.by_readout)
-    axis, angle = axis_and_angle(velocity)
     lens = factor.shape[1]
+    by_rate, by_turn = vector(rows.rate_by_readout), vector(rows.turn_by_readout)
     for i in range(len(rays)):
-        C = rotation_about(axis, -angle * phases[i])
-        ray = rotate(C, vector(rays[i]))
-        later = cross(velocity, ray)
-        u, v = rotate(C, column(by_pixel, i, 0)), rotate(C, column(by_pixel, i, 1))
+        ray, u, v, by_row = unrolled_ray(rays, by_pixel, i, phases[i], means[i], rows)
+        for k in range(3):
+            out.rays[i, k] = ray[k]
+            out.by_pixel[i, k, 0], out.by_pixel[i, k, 1] = u[k], v[k] + by_row[k]
         for j in range(lens):
             by_u = by_v = 0.0
             for p in range(len(factor)):
@@ -111,15 +97,9 @@ def rays_with_errors(
                 by_v += by_parameters[i, 1, p] * factor[p, j]
             for k in range(3):
                 out.by_error[i, k, j] = -u[k] * by_u - by_v * v[k]
-        by_time = cross(by_readout, ray)
-        by_turn = _by_turn(ray)
+        moved = cross(axpby(-phases[i], by_rate, -means[i], by_turn), ray)
         for k in range(3):
-            out.rays[i, k] = ray[k]
-            out.by_pixel[i, k, 0] = u[k]
-            out.by_pixel[i, k, 1] = v[k] - rows.per_px * later[k]
-            out.by_error[i, k, lens] = -phases[i] * by_time[k]
-            for m in range(3):
-                out.by_error[i, k, lens + 1 + m] = -phases[i] * rows.by_derivative * by_turn[k][m]
+            out.by_error[i, k, lens] = moved[k]
 
 
 @kernel
@@ -253,18 +233,7 @@ def _sum_robust(flow: np.ndarray, by_x: np.ndarray, H: np.ndarray, g: np.ndarray
     for i in range(len(flow)):
         weight = (STUDENT_FREEDOM + 2.0) / (STUDENT_FREEDOM + _square(flow, i))
         for k in range(3):
-            _add_row(by_x[i, k], weight, flow[i, k], H, g)
-
-
-@inner_kernel
-def _add_row(
-    by_x: np.ndarray, weight: float, residual: float, H: np.ndarray, g: np.ndarray
-) -> None:
-    for j in range(len(g)):
-        scaled = weight * by_x[j]
-        g[j] += scaled * residual
-        for m in range(j + 1):
-            H[j, m] += scaled * by_x[m]
+            add_row(by_x[i, k], weight, flow[i, k], H, g)
 
 
 @inner_kernel

@@ -16,6 +16,7 @@ from farpoint._kernels.compile import inlined_kernel, inner_kernel, step_kernel,
 __all__ = [
     "add_five",
     "add_four",
+    "add_row",
     "add_six",
     "add_to_square",
     "determinant_beside_one",
@@ -98,6 +99,16 @@ def add_to_square(weight: float, row: Sums, out: np.ndarray) -> None:
     for i in range(len(row)):
         for j in range(i + 1):
             out[i, j] = out[j, i] = out[i, j] + weight * row[i] * row[j]
+
+
+@inner_kernel
+def add_row(row: np.ndarray, weight: float, residual: float, H: np.ndarray, g: np.ndarray) -> None:
+    """``H += weight row row^T``, lower triangle, and ``g += weight residual row``."""
+    for j in range(len(g)):
+        scaled = weight * row[j]
+        g[j] += scaled * residual
+        for m in range(j + 1):
+            H[j, m] += scaled * row[m]
 
 
 @inlined_kernel

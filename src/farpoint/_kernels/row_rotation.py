@@ -3,13 +3,30 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, kernel
 from farpoint._kernels.vectors import Matrix, Vector, cross, dot, rotate, vector
 
-__all__ = ["axis_and_angle", "column", "rotation_about", "unroll_rays"]
+__all__ = ["RowMotion", "column", "unroll_rays", "unrolled_ray"]
+
+
+class RowMotion(NamedTuple):
+    """Motion of a camera while the rows of an image are read. By default, the shutter is global.
+
+    ``rate`` (3,) is the rotation vector of the camera from the first row to the last, and ``turn``
+    (3,) is the rotation vector of the direction of translation. ``rate_by_readout`` and
+    ``turn_by_readout`` (3,) are their derivatives by the error of the read-out time. ``per_px`` is
+    the time from one row to the next, divided by the read-out time.
+    """
+
+    rate: np.ndarray = np.zeros(3)
+    turn: np.ndarray = np.zeros(3)
+    rate_by_readout: np.ndarray = np.zeros(3)
+    turn_by_readout: np.ndarray = np.zeros(3)
+    per_px: float = 0.0
 
 
 @kernel
@@ -17,27 +34,42 @@ def unroll_rays(
     rays: np.ndarray,
     by_pixel: np.ndarray,
     phases: np.ndarray,
-    rate: np.ndarray,
-    per_px: float,
+    means: np.ndarray,
+    rows: RowMotion,
     unrolled: np.ndarray,
     unrolled_by_pixel: np.ndarray,
 ) -> None:
-    """Rays (N, 3) ``Exp(-phase rate) ray``, and the derivatives (N, 3, 2) of the rays by the pixel.
+    """Rays (N, 3) ``Exp(-mean turn) Exp(-phase rate) ray``, and their derivatives by the pixel.
 
-    A phase is the time of a row after the middle row, divided by the read-out time. ``per_px`` is
-    the change of the phase from one row to the next lower row, which is read later. ``rate`` is the
-    rotation vector of the camera from the first row to the last.
+    A phase is the time of a row after the middle row, divided by the read-out time; a mean is the
+    mean phase of the two rows of a match. A lower row is read later. The derivatives have the shape
+    (N, 3, 2).
     """
-    velocity = vector(rate)
-    axis, angle = axis_and_angle(velocity)
     for i in range(len(rays)):
-        C = rotation_about(axis, -angle * phases[i])
-        ray = rotate(C, vector(rays[i]))
+        ray, u, v, by_row = unrolled_ray(rays, by_pixel, i, phases[i], means[i], rows)
         unrolled[i, 0], unrolled[i, 1], unrolled[i, 2] = ray
-        later = cross(velocity, ray)
         for k in range(3):
-            unrolled_by_pixel[i, k, 0] = dot(C[k], column(by_pixel, i, 0))
-            unrolled_by_pixel[i, k, 1] = dot(C[k], column(by_pixel, i, 1)) - per_px * later[k]
+            unrolled_by_pixel[i, k, 0] = u[k]
+            unrolled_by_pixel[i, k, 1] = v[k] + by_row[k]
+
+
+@inlined_kernel
+def unrolled_ray(
+    rays: np.ndarray, by_pixel: np.ndarray, i: int, phase: float, mean: float, rows: RowMotion
+) -> tuple[Vector, Vector, Vector, Vector]:
+    """Ray ``i`` in the axes of the middle row, and its derivatives.
+
+    The derivatives are those by both coordinates of the pixel, without and with the time of the
+    row: ``d ray / du``, ``d ray / dv`` for the same time, and what the time of the row adds to the
+    second.
+    """
+    C = rotation_about(vector(rows.rate), -phase)
+    D = rotation_about(vector(rows.turn), -mean)
+    ray, velocity = rotate(D, rotate(C, vector(rays[i]))), rotate(D, vector(rows.rate))
+    x, y, z = cross(ray, velocity)
+    by_row = rows.per_px * x, rows.per_px * y, rows.per_px * z
+    u, v = rotate(C, column(by_pixel, i, 0)), rotate(C, column(by_pixel, i, 1))
+    return ray, rotate(D, u), rotate(D, v), by_row
 
 
 @inlined_kernel
@@ -47,18 +79,12 @@ def column(columns: np.ndarray, i: int, j: int) -> Vector:
 
 
 @inlined_kernel
-def axis_and_angle(v: Vector) -> tuple[Vector, float]:
-    """Unit vector along a rotation vector (or zero), and the length of the rotation vector, rad."""
-    angle = math.sqrt(dot(v, v))
-    over = 1.0 / angle if angle > 0.0 else 0.0
-    return (v[0] * over, v[1] * over, v[2] * over), angle
-
-
-@inlined_kernel
-def rotation_about(axis: Vector, angle: float) -> Matrix:
-    """Rotation matrix by Rodrigues's formula."""
-    x, y, z = axis
-    s, c = math.sin(angle), 1.0 - math.cos(angle)
+def rotation_about(v: Vector, scale: float) -> Matrix:
+    """Rotation matrix ``Exp(scale v)`` by Rodrigues's formula."""
+    length = math.sqrt(dot(v, v))
+    over = 1.0 / length if length > 0.0 else 0.0
+    x, y, z = v[0] * over, v[1] * over, v[2] * over
+    s, c = math.sin(scale * length), 1.0 - math.cos(scale * length)
     return (
         (1.0 - c * (y * y + z * z), c * x * y - s * z, c * x * z + s * y),
         (c * x * y + s * z, 1.0 - c * (x * x + z * z), c * y * z - s * x),

@@ -6,9 +6,18 @@ origin is known.
 
 from __future__ import annotations
 
-# Largest number of changes of the angular velocity whose mean square is computed. Chosen: 1 s of
-# most videos.
+# Largest number of changes of the velocity whose mean square is computed. Chosen: 1 s of most
+# videos.
 AVERAGED_CHANGES = 30
+
+# 1-sigma of a coordinate of the angular acceleration before any change was measured, rad/s^2.
+# Measured: root mean square of the second differences of orientations 1/30 s apart, 1.4 to 7.9 in
+# recordings by hand (TUM-VI rooms 1 and 2) and by racing drones (UZH-FPV indoor forward 5 and 7).
+ANGULAR_ACCELERATION = 5.0
+
+# 1-sigma of a coordinate of the rate at which the direction of translation turns, before any turn
+# was measured, rad/s. Measured: 0.5 to 2.5 in the same recordings.
+DIRECTION_TURN_RATE = 2.0
 
 # Largest number of time stamps to which a line is fitted. Chosen.
 MAX_STAMPS = 60

@@ -13,7 +13,6 @@ from farpoint.camera import Camera
 from farpoint.frames import Frame
 from farpoint.frames.deinterlace import Deinterlacer
 from farpoint.metrics import SplitHalf, image_cells, split_half
-from farpoint.odometry.angular_velocity import AngularVelocity
 from farpoint.odometry.at_rest import at_rest
 from farpoint.odometry.capture_times import CaptureTimes
 from farpoint.odometry.constants import FRAMES_PER_SEED, FRAMES_WITH_NEW_KERNELS
@@ -22,6 +21,7 @@ from farpoint.odometry.mask import checked_mask, tracked_region
 from farpoint.odometry.options import OdometryOptions
 from farpoint.odometry.result import OdometryResult
 from farpoint.odometry.rising_time import RisingTime
+from farpoint.odometry.velocities import Velocities
 from farpoint.path.lens import LensReport, given_lens
 from farpoint.path.path import Pair, PathBuilder
 from farpoint.path.perspective import without_perspective
@@ -118,7 +118,7 @@ class Odometry:
         self._track_errors = NO_EARLIER_PAIRS
         self._path = PathBuilder(self._estimate, self.options.path, self.options.lens)
         self._lens = LensInUse(camera, self.options.lens)
-        self._angular_velocity = AngularVelocity()
+        self._velocities = Velocities()
         self._time, self._capture, self._fields = RisingTime(), CaptureTimes(), Deinterlacer()
         self._captured = 0.0  # capture time of the current frame, s
         self._timestamps: dict[int, float] = {}  # by frame index, if the pose is not final
@@ -277,6 +277,7 @@ class Odometry:
             points0: np.ndarray, points1: np.ndarray, covariance_px2: np.ndarray
         ) -> RelativePose:
             views = self._views_of(camera, points0, points1, covariance_px2, seconds)
+            views = views._replace(velocity_prior=self._velocities.prior(seconds))
             return estimate_views(views, options, seed)
 
         return split_half(
@@ -323,7 +324,7 @@ class Odometry:
             )
             if point.fitting is not None:  # points of known distance are inliers
                 is_good |= np.isin(tracks.ids, point.fitting)
-            self._angular_velocity.add(pose, seconds)
+            self._velocities.add(pose, seconds)
             self._tracker.advance(image, tracks.select(is_good))
         elif self._tracker.sees_texture(image):
             # A cut, or a motion too large to track: restart from this frame.
@@ -364,7 +365,7 @@ class Odometry:
         """Two views through a camera: the reference frame and the current frame."""
         points = tracks.points0, tracks.points1, tracks.covariance_px2
         views = self._views_of(camera, *points, seconds)
-        return views._replace(angular_prior=self._angular_velocity.prior(seconds))
+        return views._replace(velocity_prior=self._velocities.prior(seconds))
 
     def _views_of(
         self,
@@ -396,7 +397,7 @@ class Odometry:
 
     def _restart(self, image: np.ndarray, index: int, timestamp: float) -> None:
         self._tracker.restart(image)
-        self._angular_velocity.break_off()
+        self._velocities.break_off()
         self._reference = _Reference(
             index=index,
             timestamp=timestamp,

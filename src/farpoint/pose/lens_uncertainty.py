@@ -17,14 +17,14 @@ import numpy as np
 import scipy
 
 from farpoint._kernels.compile import AnnouncedCompilation
-from farpoint._kernels.constants import COARSE_STEPS, SHUTTER_ERRORS
+from farpoint._kernels.constants import COARSE_STEPS
 from farpoint._kernels.lens_errors import (
     RaysWithErrors,
-    RowMotion,
     explain_by_rotation,
     lens_sensitivity,
     rays_with_errors,
 )
+from farpoint._kernels.row_rotation import RowMotion
 from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.geometry import so3
@@ -93,7 +93,7 @@ def with_lens_uncertainty(
         The pose with a wider covariance. The pose is unchanged if the cameras are exact or the
         status is FAILED.
     """
-    is_exact = shutter is None or shutter.sigma == shutter.angular_prior_sigma == 0.0
+    is_exact = shutter is None or shutter.sigma == 0.0
     if pose.status is PoseStatus.FAILED or (
         is_exact and all(v.camera.uncertainty is None for v in (view0, view1))
     ):
@@ -120,11 +120,11 @@ def with_lens_uncertainty(
 class _Lenses(NamedTuple):
     """The rays of both views as functions of ``z`` (r,), the errors in units of one sigma.
 
-    The last four elements of ``z`` are the errors of the read-out time (1) and of the derivative of
-    the angular velocity (3). The other elements are errors of the lenses; ``factors`` (P, r - 4)
-    map them to the parameters of ``camera.refinable``. ``shutter`` rotates the rays of each row to
-    the axes of the middle row; ``theta`` is the rotation vector between the views. ``rows`` are the
-    indices, in ``shutter``, of the matches of ``views``.
+    The last element of ``z`` is the error of the read-out time. The other elements are errors of
+    the lenses; ``factors`` (P, r - 1) map them to the parameters of ``camera.refinable``.
+    ``shutter`` rotates the rays of each row to the axes of the middle row; ``theta`` is the
+    rotation vector between the views. ``rows`` are the indices, in ``shutter``, of the matches of
+    ``views``.
     """
 
     views: tuple[View, View]
@@ -151,8 +151,8 @@ class _Lenses(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Number of errors."""
-        return self.factors[0].shape[1] + SHUTTER_ERRORS
+        """Number of errors: those of the lenses, and that of the read-out time."""
+        return self.factors[0].shape[1] + 1
 
     def rays(self, z: np.ndarray | None = None) -> tuple[RaysWithErrors, RaysWithErrors]:
         """Rays of both images through the given lenses, or through lenses with the errors ``z``."""
@@ -181,11 +181,13 @@ class _Lenses(NamedTuple):
         rays = RaysWithErrors(
             np.empty((count, 3)), np.empty((count, 3, 2)), np.empty((count, 3, self.size))
         )
-        phases, rows = np.zeros(count), RowMotion()
+        phases = means = np.zeros(count)
+        rows = RowMotion()
         if shutter is not None:
-            phases, rows = shutter.phases(image)[self.rows], shutter.motion(self.theta, image)
-        factor = self.factors[image]
-        rays_with_errors(view.rays, view.by_pixel, by_parameters, factor, phases, rows, rays)
+            phases, means = shutter.phases(image)[self.rows], shutter.mean_phases[self.rows]
+            rows = shutter.motion(self.theta, image)
+        given = view.rays, view.by_pixel, by_parameters, self.factors[image]
+        rays_with_errors(*given, phases, means, rows, rays)
         return rays
 
     def at(self, z: np.ndarray) -> tuple[Camera, Camera, Shutter | None]:
@@ -196,13 +198,9 @@ class _Lenses(NamedTuple):
         """
         shutter = self.shutter
         if shutter is not None:
-            readout, derivative = float(z[-SHUTTER_ERRORS]), z[1 - SHUTTER_ERRORS :]
-            shutter = shutter._replace(
-                share=shutter.share + readout * shutter.sigma,
-                derivative=shutter.derivative + derivative * shutter.angular_prior_sigma,
-            )
+            shutter = shutter._replace(share=shutter.share + float(z[-1]) * shutter.sigma)
         (camera0, camera1), (factor0, factor1) = (v.camera for v in self.views), self.factors
-        of_lens = z[:-SHUTTER_ERRORS]
+        of_lens = z[:-1]
         first = _with_error(camera0, factor0 @ of_lens)
         if camera0 is camera1:
             return first, first, shutter

@@ -19,6 +19,7 @@ from farpoint.pose.result import RelativePose, TrackLabel
 from farpoint.pose.shutter import Shutter
 from farpoint.pose.track_errors import TrackErrors
 from farpoint.pose.two_views import estimate, search
+from farpoint.pose.velocity_changes import VelocityChanges
 
 __all__ = ["Searched", "estimate_rolling", "search_rolling"]
 
@@ -50,10 +51,10 @@ def search_rolling(
     The result is None for too few matches.
     """
     theta = np.zeros(3)
-    if shutter is None or shutter.angular_prior is None or shutter.angular_prior.before is None:
+    if shutter is None or shutter.prior is None or shutter.prior.before is None:
         fit = search(pixels.matches(), options, seed)
     else:
-        theta = shutter.angular_prior.before
+        theta = shutter.prior.before
         fit = search(pixels.matches(partial(shutter.unrolled, theta)), options, seed)
     return None if fit is None else Searched(fit, theta)
 
@@ -65,20 +66,25 @@ def estimate_rolling(
     seed: int,
     searched: Searched | None,
     errors: TrackErrors,
-) -> RelativePose:
+) -> tuple[RelativePose, Shutter]:
     """Estimate the motion so that the rotation undone in the rows equals the estimated rotation.
 
     The estimate is a fixed point. An error of the undone rotation displaces each match in
     proportion to the difference of its two read-out phases. A Newton step removes the effect of the
     mean difference. In every pass, the remaining error becomes smaller by a factor equal to the
     scatter of the differences times the relative read-out time. If no motion ``searched`` is given,
-    a first search finds the initial rotation, and each pass begins with another search.
+    a first search finds the initial rotation, and each pass begins with another search. The shutter
+    is also returned, with the estimated changes of the velocity.
     """
-    theta, start = np.zeros(3), None
+    theta, start, corrected = np.zeros(3), None, None
+    tempering = errors.expected_inflation(options.common_error_slope)
     if searched is not None:
-        start, theta = _closer(shutter, pixels, searched)
+        corrected = _closer(shutter, pixels, searched, tempering)
+        start = corrected.fit
     elif options.refine and (first := search_rolling(shutter, pixels, options, seed)) is not None:
-        _, theta = _closer(shutter, pixels, first)
+        corrected = _closer(shutter, pixels, first, tempering)
+    if corrected is not None:
+        theta, shutter = corrected.theta, corrected.shutter
     passes = 0
     while True:
         passes += 1
@@ -86,51 +92,95 @@ def estimate_rolling(
         pose = estimate(matches, options.matching_tolerance_px, options, seed, start, errors)
         R, R_covariance, C = pose.rotation_cam1_from_cam0, pose.rotation_covariance, pose.covariance
         if R is None or R_covariance is None:
-            return pose
+            return pose, shutter
         used = np.flatnonzero(pose.labels != TrackLabel.OUTLIER)
         before, (theta, time_between) = theta, _unrolled(shutter, R, used, theta)
         error = _remaining(shutter, theta - before)
         sigmas = math.sqrt(error @ np.linalg.solve(R_covariance, error))
         if sigmas <= ROWS_CONVERGED_SIGMA or passes == ALTERNATIONS:
-            # The time between a match's rows is not that between the middle rows.
-            by_time = np.diag([1.0 / time_between] * 3 + [1.0, 1.0])
-            return replace(
-                pose,
-                rotation_cam1_from_cam0=so3.exp(theta),
-                rotation_covariance=R_covariance / time_between**2,
-                covariance=None if C is None else by_time @ C @ by_time,
-            )
+            break
+    if corrected is not None and corrected.changes is not None:
+        by_changes = corrected.changes.covariance()
+        R_covariance = R_covariance + by_changes[:3, :3]
+        C = None if C is None else C + by_changes
+    # The time between a match's rows is not that between the middle rows.
+    by_time = np.diag([1.0 / time_between] * 3 + [1.0, 1.0])
+    return (
+        replace(
+            pose,
+            rotation_cam1_from_cam0=so3.exp(theta),
+            rotation_covariance=R_covariance / time_between**2,
+            covariance=None if C is None else by_time @ C @ by_time,
+        ),
+        shutter,
+    )
+
+
+class _Corrected(NamedTuple):
+    """A motion after correction of the rows.
+
+    Attributes
+    ----------
+    fit : GeneralMotionFit
+        The motion.
+    theta : ndarray, shape (3,)
+        Its rotation vector, rad.
+    shutter : Shutter
+        The shutter with which the rows were corrected.
+    changes : VelocityChanges, optional
+        Equations of the changes of the velocity; None if the velocity is constant.
+    """
+
+    fit: GeneralMotionFit
+    theta: np.ndarray
+    shutter: Shutter
+    changes: VelocityChanges | None = None
 
 
 def _closer(
-    shutter: Shutter, pixels: PixelMatches, searched: Searched
-) -> tuple[GeneralMotionFit, np.ndarray]:
-    """The likelier motion of ``searched`` after correction of the rows, and its rotation vector."""
-    closer = _closer_to(shutter, pixels, searched.fit, searched.theta)
+    shutter: Shutter, pixels: PixelMatches, searched: Searched, tempering: float
+) -> _Corrected:
+    """The likelier motion of ``searched`` after correction of the rows."""
+    closer = _closer_to(shutter, pixels, searched.fit, searched.theta, tempering)
     if searched.other is None:
         return closer
-    other = _closer_to(shutter, pixels, searched.other, searched.theta)
-    return max(closer, other, key=lambda each: each[0].log_evidence)
+    other = _closer_to(shutter, pixels, searched.other, searched.theta, tempering)
+    return max(closer, other, key=lambda each: each.fit.log_evidence)
 
 
 def _closer_to(
-    shutter: Shutter, pixels: PixelMatches, fit: GeneralMotionFit, theta: np.ndarray
-) -> tuple[GeneralMotionFit, np.ndarray]:
-    """A motion and its rotation vector, refitted until the error of the undone rotation is small.
+    shutter: Shutter,
+    pixels: PixelMatches,
+    fit: GeneralMotionFit,
+    theta: np.ndarray,
+    tempering: float,
+) -> _Corrected:
+    """The likeliest of the motions that refits find, each after another correction of the rows.
 
-    The error is small if it is within the noise of the rotation.
+    The refits end if the error of the correction is within its noise.
     """
     theta, _ = _unrolled(shutter, fit.R_cam1_from_cam0, fit.matches.used(fit.labels), theta)
+    passes: list[_Corrected] = []
     for _ in range(ALTERNATIONS):
         matches = pixels.matches(partial(shutter.unrolled, theta))
         fit = refit_general_motion(matches, fit)
-        used = matches.used(fit.labels)
-        before, (theta, _) = theta, _unrolled(shutter, fit.R_cam1_from_cam0, used, theta)
+        before, (theta, _) = (
+            theta,
+            _unrolled(shutter, fit.R_cam1_from_cam0, matches.used(fit.labels), theta),
+        )
         # The 1-sigma of a rotation by all matches is less than that of a motion.
         sigma = fit.noise.sigma / math.sqrt(np.sum(matches.precision))
-        if np.linalg.norm(_remaining(shutter, theta - before)) <= sigma:
+        is_final = np.linalg.norm(_remaining(shutter, theta - before)) <= sigma
+        updated, changes = shutter, None
+        if shutter.prior is not None:
+            changes = VelocityChanges.of(shutter, shutter.prior, fit)
+            updated, sigmas = changes.step(tempering)
+            is_final = is_final and sigmas <= ROWS_CONVERGED_SIGMA
+        passes.append(_Corrected(fit, theta, shutter, changes))
+        if is_final:
             break
-    return fit, theta
+        shutter = updated
+    return max(passes, key=lambda each: each.fit.log_evidence)
 
 
 def _remaining(shutter: Shutter, change: np.ndarray) -> np.ndarray:

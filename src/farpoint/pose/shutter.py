@@ -1,16 +1,22 @@
 """A rolling shutter in two views: rays corrected to the time of the middle row of each image.
 
-The rows of an image are read one after the other while the camera rotates. A row of phase ``q``
-(-1/2 for the first row to 1/2 for the last) is read ``q r`` after the middle row, where ``r`` is
-the read-out time. The velocities are constant over the time ``T`` between the two views, and
-``theta`` is the rotation vector over ``T``. When the row is read, the camera has rotated by the
-share ``q r / T`` of ``theta`` since the middle row. A ray ``b`` of this row is therefore
-``Exp(-q r / T theta) b`` in the axes of the middle row.
+The rows of an image are read one after the other while the camera moves. A row of phase ``q`` (-1/2
+for the first row to 1/2 for the last) is read ``q r`` after the middle row, where ``r`` is the
+read-out time. Let ``T`` be the time between the two views, and ``theta`` the rotation vector over
+``T``. With constant velocities, the camera has rotated by the share ``q r / T`` of ``theta`` since
+the middle row. A ray ``b`` of this row is therefore ``Exp(-q r / T theta) b`` in the axes of the
+middle row.
 
 A match is in a row of phase ``q0`` in image 0, and of phase ``q1`` in image 1. The displacement of
 the camera between these two rows is ``1 + (q1 - q0) r / T`` times the translation between the
 middle rows, and has the same direction. The corrected rays therefore satisfy the epipolar
 constraint of a global shutter.
+
+If the velocities change, with constant accelerations, two corrections are added. The angular
+velocities at images 0 and 1 are ``(theta - d / 2) / T`` and ``(theta + d / 2) / T``, where ``d`` is
+the change of the angular velocity over ``T``, times ``T``. The direction of translation turns by
+the rotation vector ``e`` over ``T``: between the two rows of a match, the direction is
+``Exp((q0 + q1) / 2 r / T e) t``. Both rays of the match are rotated back by this angle.
 """
 
 from __future__ import annotations
@@ -20,46 +26,40 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.lens_errors import RowMotion
-from farpoint._kernels.row_rotation import unroll_rays
+from farpoint._kernels.constants import VELOCITY_CHANGES
+from farpoint._kernels.row_rotation import RowMotion, unroll_rays
 from farpoint.camera import Camera
 from farpoint.errors import InputError
+from farpoint.geometry import so3
 from farpoint.pose.matches import check_camera, checked_rows
 
-__all__ = ["AngularVelocityPrior", "Shutter", "shutter_of"]
+__all__ = ["Shutter", "VelocityPrior", "shutter_of"]
 
 
-class AngularVelocityPrior(NamedTuple):
-    """Prior of the camera's angular velocity at the two views.
-
-    Let w(t) be the angular velocity, with image 0 at t = 0 and image 1 at t = 1. If the mean of w
-    over (-1, 0) is known, the prior is linear in time, and has the known means over (-1, 0) and (0,
-    1). Otherwise the prior is constant, and equals the mean over (0, 1). The errors of the prior
-    follow from a Taylor series. True w(0) and w(1) minus the linear prior are -1/6 and 1/3 times
-    the second derivative of w. True w(0) and w(1) minus the constant prior are -1/2 and 1/2 times
-    the first derivative of w.
+class VelocityPrior(NamedTuple):
+    """Prior of the changes of the camera's velocity between two views.
 
     Attributes
     ----------
     before : ndarray, shape (3,), or None
         Rotation vector, rad, in the axes of image 0, over an interval before image 0 as long as the
-        time between the views.
+        time between the views. The expected change of the angular velocity is the rotation between
+        the views minus ``before``; 0 for None.
     sigma : float
-        1-sigma of each coordinate of the unknown derivative of the angular velocity, in rad, with
-        the time between the views as the unit of time.
+        1-sigma of each coordinate of the unknown part of the change of the angular velocity, in
+        rad, with the time between the views as the unit of time.
+    turn_sigma : float
+        1-sigma of each coordinate of the turn of the direction of translation, rad.
     """
 
     before: np.ndarray | None
     sigma: float
+    turn_sigma: float = 0.0
 
     @property
-    def by_derivative(self) -> tuple[float, float]:
-        """Factors by which the unknown derivative changes the angular velocity at images 0, 1."""
-        return (-0.5, 0.5) if self.before is None else (-1.0 / 6.0, 1.0 / 3.0)
-
-    def largest_error(self) -> float:
-        """The larger 1-sigma of the angular velocity: that at image 0 or that at image 1."""
-        return self.sigma * max(map(abs, self.by_derivative))
+    def sigmas(self) -> np.ndarray:
+        """1-sigmas (6,) of `Shutter.changes`."""
+        return np.repeat((self.sigma, self.turn_sigma), 3)
 
 
 class Shutter(NamedTuple):
@@ -76,11 +76,11 @@ class Shutter(NamedTuple):
         Phases of the rows in each image, -1/2 to 1/2.
     phase_per_px : float
         Change of the phase from one row to the next.
-    angular_prior : AngularVelocityPrior or None
-        Prior of the angular velocity; None if the angular velocity is constant.
-    derivative : ndarray, shape (3,)
-        Value of the unknown derivative of the angular velocity (`AngularVelocityPrior`), in rad,
-        with the time between the views as the unit of time.
+    prior : VelocityPrior or None
+        Prior of the changes of the velocity; None if the velocity is constant.
+    changes : ndarray, shape (6,)
+        Change of the angular velocity (3) minus its expected value, and turn of the direction of
+        translation (3), rad.
     """
 
     share: float
@@ -88,29 +88,27 @@ class Shutter(NamedTuple):
     phase0: np.ndarray
     phase1: np.ndarray
     phase_per_px: float
-    angular_prior: AngularVelocityPrior | None = None
-    derivative: np.ndarray = np.zeros(3)
-
-    @property
-    def angular_prior_sigma(self) -> float:
-        """1-sigma of each coordinate of ``derivative``."""
-        return 0.0 if self.angular_prior is None else self.angular_prior.sigma
+    prior: VelocityPrior | None = None
+    changes: np.ndarray = np.zeros(VELOCITY_CHANGES)
 
     def rate(self, theta: np.ndarray, image: int) -> np.ndarray:
         """Angular velocity (3,) at the middle row of image 0 or 1.
 
         The unit is rad per time between the views.
         """
-        if self.angular_prior is None:
-            return theta
-        rate = theta + self.angular_prior.by_derivative[image] * self.derivative
-        if self.angular_prior.before is None:
-            return rate
-        return rate + (image - 0.5) * (theta - self.angular_prior.before)
+        change = self.changes[:3]
+        if self.prior is not None and self.prior.before is not None:
+            change = change + theta - self.prior.before
+        return theta + (image - 0.5) * change
 
     def phases(self, image: int) -> np.ndarray:
         """Phases (N,) of the rows in image 0 or 1."""
         return (self.phase0, self.phase1)[image]
+
+    @property
+    def mean_phases(self) -> np.ndarray:
+        """Mean phases (N,) of the two rows of each match."""
+        return 0.5 * (self.phase0 + self.phase1)
 
     def unrolled(
         self, theta: np.ndarray, image: int, rays: np.ndarray, by_pixel: np.ndarray
@@ -121,24 +119,27 @@ class Shutter(NamedTuple):
         derivatives (N, 3, 2) of the rays by the pixel, which take into account that the next lower
         row is read later.
         """
-        rate, unrolled = (
-            self.share * self.rate(theta, image),
-            (np.empty((len(rays), 3)), np.empty((len(rays), 3, 2))),
-        )
-        unroll_rays(rays, by_pixel, self.phases(image), rate, self.phase_per_px, *unrolled)
+        unrolled = np.empty((len(rays), 3)), np.empty((len(rays), 3, 2))
+        times = self.phases(image), self.mean_phases
+        unroll_rays(rays, by_pixel, *times, self.motion(theta, image), *unrolled)
         return unrolled
 
     def motion(self, theta: np.ndarray, image: int) -> RowMotion:
-        """Rotation of the camera while image 0 or 1 is read, and its derivatives by errors.
+        """Motion of the camera while image 0 or 1 is read.
 
-        The errors of the read-out time and of `derivative` are in units of one sigma.
+        The derivatives are those by the error of the read-out time in units of one sigma. The turn
+        of the direction is given in the axes of image 1.
         """
-        rate = self.rate(theta, image)
-        by_derivative = 0.0
-        if self.angular_prior is not None:
-            factor = self.angular_prior.by_derivative[image]
-            by_derivative = self.share * factor * self.angular_prior.sigma
-        return RowMotion(self.share * rate, self.sigma * rate, by_derivative, self.phase_per_px)
+        rate, turn = self.rate(theta, image), self.changes[3:]
+        if image == 0:
+            turn = so3.exp(-theta) @ turn
+        return RowMotion(
+            self.share * rate,
+            self.share * turn,
+            self.sigma * rate,
+            self.sigma * turn,
+            self.phase_per_px,
+        )
 
     def time_between(self, rows: np.ndarray) -> float:
         """Mean time between the two rows of a match, divided by the time between the middle rows.
@@ -155,7 +156,7 @@ def shutter_of(
     points1: np.ndarray,
     readout_s: float | None,
     interval_s: float | None,
-    angular_prior: AngularVelocityPrior | None = None,
+    prior: VelocityPrior | None = None,
 ) -> Shutter | None:
     """The shutter of matches (N, 2); None if the shutter is global or unknown.
 
@@ -196,4 +197,4 @@ def shutter_of(
     per_px = 1.0 / max(camera.size[1] - 1, 1)
     phase0, phase1 = (points[:, 1] * per_px - 0.5 for points in (points0, points1))
     share, sigma = float(readout_s / interval_s), float(sigma_s / interval_s)
-    return Shutter(share, sigma, phase0, phase1, per_px, angular_prior)
+    return Shutter(share, sigma, phase0, phase1, per_px, prior)

@@ -66,6 +66,10 @@ class TrackErrors(NamedTuple):
         total = EXPECTED_RATIO_FREEDOM * self.half_ratio + freedom * half_ratio
         return total / (EXPECTED_RATIO_FREEDOM + freedom)
 
+    def expected_inflation(self, slope: float) -> float:
+        """Expected factor on the covariance of a pair; ``slope`` as in `common_to_halves`."""
+        return self.half_ratio + self.common_to_halves(slope)
+
     def common_to_halves(self, slope: float) -> float:
         """Variance of errors that both halves have in common, over that of independent errors.
 

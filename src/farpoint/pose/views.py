@@ -18,7 +18,7 @@ from farpoint.pose.options import RelativePoseOptions
 from farpoint.pose.pure_rotation import fit_pure_rotation
 from farpoint.pose.result import RelativePose
 from farpoint.pose.rolling import Searched, estimate_rolling, search_rolling
-from farpoint.pose.shutter import AngularVelocityPrior, Shutter, shutter_of
+from farpoint.pose.shutter import Shutter, VelocityPrior, shutter_of
 from farpoint.pose.track_errors import NO_EARLIER_PAIRS, TrackErrors
 from farpoint.pose.two_views import estimate, shows_direction
 
@@ -28,7 +28,7 @@ __all__ = ["Views", "estimate_views", "rough_motion", "search_views"]
 class Views(NamedTuple):
     """The arguments of `estimate_relative_pose`.
 
-    If an ``angular_prior`` is given, the angular velocity need not be constant. ``track_errors``
+    If a ``velocity_prior`` is given, the velocity need not be constant. ``track_errors``
     are those of the earlier pairs of a video.
     """
 
@@ -40,14 +40,14 @@ class Views(NamedTuple):
     covariance1_px2: np.ndarray | None
     readout_s: float | None
     interval_s: float | None
-    angular_prior: AngularVelocityPrior | None = None
+    velocity_prior: VelocityPrior | None = None
     track_errors: TrackErrors = NO_EARLIER_PAIRS
 
     def shutter(self) -> Shutter | None:
         """The shutter of the views; None for a global shutter."""
         points = self.points0, self.points1
         return shutter_of(
-            self.camera0, *points, self.readout_s, self.interval_s, self.angular_prior
+            self.camera0, *points, self.readout_s, self.interval_s, self.velocity_prior
         )
 
     def pixels(self) -> PixelMatches:
@@ -70,7 +70,7 @@ def estimate_views(
     pixels, start = views.pixels(), None if searched is None else searched.fit
     errors = views.track_errors
     if shutter is not None and shutter.share != 0.0:
-        pose = estimate_rolling(shutter, pixels, options, seed, searched, errors)
+        pose, shutter = estimate_rolling(shutter, pixels, options, seed, searched, errors)
     else:
         tolerance = options.matching_tolerance_px
         pose = estimate(pixels.matches(), tolerance, options, seed, start, errors)

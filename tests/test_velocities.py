@@ -1,4 +1,4 @@
-"""Angular velocities that change from frame to frame, and what a rolling shutter makes of them."""
+"""Velocities that change from frame to frame, and what a rolling shutter makes of them."""
 
 from __future__ import annotations
 
@@ -10,11 +10,13 @@ import pytest
 from farpoint.camera import Camera
 from farpoint.geometry import so3
 from farpoint.metrics import chi2_quantile
-from farpoint.odometry.angular_velocity import AngularVelocity
+from farpoint.odometry.constants import ANGULAR_ACCELERATION, DIRECTION_TURN_RATE
+from farpoint.odometry.velocities import Velocities
 from farpoint.path.path import _between
 from farpoint.pose import RelativePoseOptions, failed_pose
-from farpoint.pose.shutter import AngularVelocityPrior, shutter_of
+from farpoint.pose.shutter import VelocityPrior, shutter_of
 from farpoint.pose.views import Views, estimate_views, search_views
+from farpoint.synthetic import ImagingOptions, RenderedSequence, handheld_walk
 
 CAMERA = Camera.pinhole(640, 480, 500.0, 500.0, 319.5, 239.5)
 INTERVAL_S, READOUT_S, NOISE_PX = 1.0 / 30.0, 0.025, 0.2
@@ -26,26 +28,30 @@ def means_of(coefficients: np.ndarray, begin: float) -> np.ndarray:
     return ((begin + 1.0) ** powers - begin**powers) / powers @ coefficients
 
 
-@pytest.mark.parametrize("image", [0, 1])
-def test_a_rate_is_exact_for_a_velocity_of_second_degree(image):
-    rng = np.random.default_rng(image)
-    linear, quadratic = rng.normal(0.0, 0.01, (2, 3)), rng.normal(0.0, 0.01, (3, 3))
+def test_rates_differ_by_the_change_of_a_velocity_of_second_degree():
+    rng = np.random.default_rng(0)
     points = np.array([[10.0, 20.0], [600.0, 400.0]])
-    for velocity in (linear, quadratic):
-        turning = AngularVelocityPrior(before=means_of(velocity, -1.0), sigma=0.01)
-        shutter = shutter_of(CAMERA, points, points, READOUT_S, INTERVAL_S, turning)
-        second = 2.0 * velocity[2] if len(velocity) > 2 else np.zeros(3)
-        rate = shutter._replace(derivative=second).rate(means_of(velocity, 0.0), image)
-        np.testing.assert_allclose(rate, float(image) ** np.arange(len(velocity)) @ velocity)
+    for size in (2, 3):
+        velocity = rng.normal(0.0, 0.01, (size, 3))
+        prior = VelocityPrior(before=means_of(velocity, -1.0), sigma=0.01)
+        shutter = shutter_of(CAMERA, points, points, READOUT_S, INTERVAL_S, prior)
+        # Half of the second derivative is not continued from the rotation before.
+        unknown = velocity[2] if size > 2 else np.zeros(3)
+        shutter = shutter._replace(changes=np.concatenate([unknown, np.zeros(3)]))
+        rate0, rate1 = (shutter.rate(means_of(velocity, 0.0), image) for image in (0, 1))
+        np.testing.assert_allclose(rate1 - rate0, velocity[1:].sum(axis=0))
+        if size == 2:
+            np.testing.assert_allclose(rate0, velocity[0])
 
 
 def test_a_rate_without_one_before_is_exact_with_the_first_derivative():
     velocity = np.array([[0.01, 0.02, -0.01], [0.003, -0.002, 0.001]])
     points = np.array([[10.0, 20.0]])
-    turning = AngularVelocityPrior(before=None, sigma=0.01)
-    shutter = shutter_of(CAMERA, points, points, READOUT_S, INTERVAL_S, turning)
+    prior = VelocityPrior(before=None, sigma=0.01)
+    shutter = shutter_of(CAMERA, points, points, READOUT_S, INTERVAL_S, prior)
+    shutter = shutter._replace(changes=np.concatenate([velocity[1], np.zeros(3)]))
     for image in (0, 1):
-        rate = shutter._replace(derivative=velocity[1]).rate(means_of(velocity, 0.0), image)
+        rate = shutter.rate(means_of(velocity, 0.0), image)
         np.testing.assert_allclose(rate, velocity[0] + image * velocity[1])
 
 
@@ -55,9 +61,9 @@ def test_a_velocity_between_frames_is_exact_for_the_third_degree():
     np.testing.assert_allclose(_between(*around), coefficients[0])
 
 
-def history_of(rates: np.ndarray) -> AngularVelocity:
+def history_of(rates: np.ndarray) -> Velocities:
     """After motions with these angular velocities (N, 3), rad/s."""
-    history, nothing = AngularVelocity(), failed_pose("none")
+    history, nothing = Velocities(), failed_pose("none")
     for rate in rates:
         motion = replace(nothing, rotation_cam1_from_cam0=so3.exp(rate * INTERVAL_S))
         history.add(motion, INTERVAL_S)
@@ -70,7 +76,7 @@ def test_smooth_velocities_are_continued_and_rough_ones_are_not():
     turning = history_of(smooth).prior(INTERVAL_S)
     np.testing.assert_allclose(turning.before, smooth[-1] * INTERVAL_S, atol=1e-12)
     second = np.diff(smooth[:, 0], 2)
-    expected = np.sqrt(np.mean(second**2) / 3.0) * INTERVAL_S
+    expected = 0.5 * np.sqrt(np.mean(second**2) / 3.0) * INTERVAL_S
     assert turning.sigma == pytest.approx(expected, rel=1e-6)
     rough = np.random.default_rng(1).normal(0.0, 0.1, (30, 3))
     turning = history_of(rough).prior(INTERVAL_S)
@@ -78,11 +84,35 @@ def test_smooth_velocities_are_continued_and_rough_ones_are_not():
     assert turning.sigma == pytest.approx(np.sqrt(2.0) * 0.1 * INTERVAL_S, rel=0.2)
 
 
-def test_nothing_is_known_after_a_cut():
-    history = history_of(np.full((5, 3), 0.1))
+def test_after_a_cut_only_the_size_of_changes_is_known():
+    first = Velocities().prior(INTERVAL_S)
+    assert first.before is None
+    assert first.sigma == pytest.approx(ANGULAR_ACCELERATION * INTERVAL_S**2)
+    assert first.turn_sigma == pytest.approx(DIRECTION_TURN_RATE * INTERVAL_S)
+    history = history_of(np.random.default_rng(1).normal(0.0, 0.1, (30, 3)))
+    before = history.prior(INTERVAL_S)
     history.break_off()
-    assert history.prior(INTERVAL_S) is None
-    assert AngularVelocity().prior(INTERVAL_S) is None
+    assert history.prior(INTERVAL_S) == before
+
+
+def test_a_wrong_motion_hardly_widens_the_prior():
+    rates = np.random.default_rng(2).normal(0.0, 0.1, (30, 3))
+    before = history_of(rates).prior(INTERVAL_S).sigma
+    rates[20] += 10.0
+    assert history_of(rates).prior(INTERVAL_S).sigma < 2.0 * before
+
+
+def test_the_turn_of_the_direction_is_that_of_earlier_directions():
+    history, nothing = Velocities(), failed_pose("none")
+    R, turn = so3.exp(np.array([0.0, 0.02, 0.01])), 0.05
+    direction = np.array([1.0, 0.0, 0.0])
+    for _ in range(10):
+        motion = replace(nothing, rotation_cam1_from_cam0=R, direction_cam1_from_cam0=direction)
+        history.add(motion, INTERVAL_S)
+        # The next direction is turned by 0.05 rad, seen from the axes of the next frame.
+        direction = R @ so3.exp(np.array([0.0, 0.0, turn])) @ direction
+    expected = turn / np.sqrt(2.0)  # of each of the two coordinates
+    assert history.prior(INTERVAL_S).turn_sigma == pytest.approx(expected, rel=0.05)
 
 
 def shaken(seed: int) -> tuple[Views, np.ndarray]:
@@ -115,9 +145,46 @@ def shaken(seed: int) -> tuple[Views, np.ndarray]:
         points[inside] + rng.normal(0.0, NOISE_PX, (inside.sum(), 2))
         for points in (points0, points1)
     )
-    turning = AngularVelocityPrior(before=means_of(velocity, -1.0), sigma=0.002)
+    turning = VelocityPrior(before=means_of(velocity, -1.0), sigma=0.002)
     views = Views(points0, points1, CAMERA, CAMERA, None, None, READOUT_S, INTERVAL_S, turning)
     return views, pose_at(np.ones(1))[0]
+
+
+def test_changes_are_estimated_and_counted_as_unknown():
+    """Exact matches of a rendered walk: the estimated changes halve the errors."""
+    phone = Camera.pinhole(640, 360, 500.0, 500.0, 319.5, 179.5)
+    prior = VelocityPrior(
+        None, ANGULAR_ACCELERATION * INTERVAL_S**2, DIRECTION_TURN_RATE * INTERVAL_S
+    )
+    errors: dict[str, list[float]] = {"estimated": [], "constant": []}
+    inside: dict[str, list[bool]] = {"estimated": [], "constant": []}
+    for seed in range(2):
+        rng = np.random.default_rng(seed)
+        walk = RenderedSequence(
+            phone,
+            handheld_walk(60, 1.0 / INTERVAL_S, seed),
+            seed=seed,
+            imaging=ImagingOptions(readout_s=READOUT_S),
+        )
+        for k in range(1, 60, 2):
+            points0 = rng.uniform((0, 0), (639, 359), (500, 2))
+            points1 = walk.transfer(points0, k - 1, k)
+            seen = np.isfinite(points1).all(axis=1)
+            points0, points1 = (
+                points[seen] + rng.normal(0.0, 0.05, (seen.sum(), 2))
+                for points in (points0, points1)
+            )
+            R = walk.cam1_from_cam0(k - 1, k)[:3, :3]
+            given = points0, points1, phone, phone, None, None, READOUT_S, INTERVAL_S
+            for name, of in (("estimated", prior), ("constant", None)):
+                pose = estimate_views(Views(*given, of), RelativePoseOptions(), 0)
+                error = so3.log(R @ pose.rotation_cam1_from_cam0.T)
+                square = error @ np.linalg.solve(pose.rotation_covariance, error)
+                errors[name].append(float(np.linalg.norm(error)))
+                inside[name].append(square < chi2_quantile(0.95, 3))
+    assert np.median(errors["estimated"]) < 0.5 * np.median(errors["constant"])
+    assert np.mean(inside["estimated"]) >= 0.88
+    assert np.mean(inside["constant"]) < 0.7
 
 
 def test_velocities_that_change_are_taken_into_account():
@@ -125,7 +192,7 @@ def test_velocities_that_change_are_taken_into_account():
     inside = []
     for seed in range(40):
         views, R = shaken(seed)
-        for name, given in (("changing", views), ("constant", views._replace(angular_prior=None))):
+        for name, given in (("changing", views), ("constant", views._replace(velocity_prior=None))):
             pose = estimate_views(given, RelativePoseOptions(), 0)
             error = so3.log(R @ pose.rotation_cam1_from_cam0.T)
             errors[name].append(float(np.linalg.norm(error)))
