@@ -55,6 +55,8 @@ def test_errors_common_to_halves_grow_with_the_correlation(correlation: float, l
     errors = TrackErrors(correlation=correlation)
     assert errors.common_to_halves(10.0) == pytest.approx(math.expm1(log_growth))
     assert errors.common_to_halves(0.0) == 0.0
+    expected = errors.half_ratio + math.expm1(log_growth)
+    assert errors.expected_inflation(10.0) == pytest.approx(expected)
 
 
 def odometry(**options) -> Odometry:

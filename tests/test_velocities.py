@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from farpoint.bench.sequences import find_trajectories
 from farpoint.camera import Camera
 from farpoint.geometry import so3
 from farpoint.metrics import chi2_quantile
+from farpoint.metrics.association import poses_at_times
+from farpoint.odometry import Odometry, sequence
 from farpoint.odometry.constants import ANGULAR_ACCELERATION, DIRECTION_TURN_RATE
 from farpoint.odometry.velocities import Velocities
 from farpoint.path.path import _between
 from farpoint.pose import RelativePoseOptions, failed_pose
+from farpoint.pose.certainty import direction_sigma
 from farpoint.pose.shutter import VelocityPrior, shutter_of
 from farpoint.pose.views import Views, estimate_views, search_views
-from farpoint.synthetic import ImagingOptions, RenderedSequence, handheld_walk
+from farpoint.synthetic import ImagingOptions, RenderedSequence, handheld_walk, render_drive
 
 CAMERA = Camera.pinhole(640, 480, 500.0, 500.0, 319.5, 239.5)
 INTERVAL_S, READOUT_S, NOISE_PX = 1.0 / 30.0, 0.025, 0.2
@@ -115,6 +121,52 @@ def test_the_turn_of_the_direction_is_that_of_earlier_directions():
     assert history.prior(INTERVAL_S).turn_sigma == pytest.approx(expected, rel=0.05)
 
 
+@pytest.mark.parametrize("fps", [30.0, 10.0])
+def test_first_priors_are_those_of_recordings(shared_data: Path, fps: float):
+    recordings = find_trajectories((shared_data / "trajectories",))
+    assert recordings
+    for recording in recordings.values():
+        times = np.arange(recording.timestamps[0], recording.timestamps[-1], 1.0 / fps)
+        poses = poses_at_times(recording.timestamps, recording.world_from_body, times)
+        history, nothing = Velocities(), failed_pose("none")
+        accelerations, turns = [], []
+        for before, now in pairwise(poses[np.isfinite(poses[:, 0, 0])]):
+            motion = np.linalg.inv(now) @ before
+            length = np.linalg.norm(motion[:3, 3])
+            if length * fps > 0.1:  # m/s; a direction at rest is noise
+                direction = motion[:3, 3] / length
+                given = replace(
+                    nothing,
+                    rotation_cam1_from_cam0=motion[:3, :3],
+                    direction_cam1_from_cam0=direction,
+                )
+                history.add(given, 1.0 / fps)
+                prior = history.prior(1.0 / fps)
+                accelerations.append(prior.sigma * fps**2)
+                turns.append(prior.turn_sigma * fps)
+        assert 0.1 * ANGULAR_ACCELERATION < np.median(accelerations) < 2.0 * ANGULAR_ACCELERATION
+        assert 0.1 * DIRECTION_TURN_RATE < np.median(turns) < 2.0 * DIRECTION_TURN_RATE
+
+
+def test_halves_have_the_prior_of_their_pair(monkeypatch: pytest.MonkeyPatch):
+    """The prior of the next pair would continue the rotation that the halves are to find."""
+    priors = []
+
+    def spied(views: Views, *arguments, **options):
+        priors.append(views.velocity_prior)
+        return estimate_views(views, *arguments, **options)
+
+    monkeypatch.setattr(sequence, "estimate_views", spied)
+    drive = render_drive(Camera.pinhole(160, 120, 120, 120, 79.5, 59.5), frames=6, seed=1)
+    odometry = Odometry(drive.camera)
+    for frame in drive:
+        result = odometry.process(frame.image, frame.timestamp)
+    of_pair = priors[-1]
+    odometry.split_half(result)
+    assert priors[-1] is of_pair
+    assert priors[-2] is of_pair
+
+
 def shaken(seed: int) -> tuple[Views, np.ndarray]:
     """Matches through a rolling shutter whose angular velocity is of second degree; the motion."""
     rng = np.random.default_rng(seed)
@@ -182,6 +234,9 @@ def test_changes_are_estimated_and_counted_as_unknown():
                 square = error @ np.linalg.solve(pose.rotation_covariance, error)
                 errors[name].append(float(np.linalg.norm(error)))
                 inside[name].append(square < chi2_quantile(0.95, 3))
+                if pose.covariance is not None:
+                    sigma = np.degrees(direction_sigma(pose.covariance))
+                    assert f"1-sigma of {sigma:.2g} deg" in pose.reason
     assert np.median(errors["estimated"]) < 0.5 * np.median(errors["constant"])
     assert np.mean(inside["estimated"]) >= 0.88
     assert np.mean(inside["constant"]) < 0.7

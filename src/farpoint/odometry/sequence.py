@@ -35,6 +35,7 @@ from farpoint.pose import (
 )
 from farpoint.pose.image_parts import parts_of
 from farpoint.pose.rolling import Searched
+from farpoint.pose.shutter import VelocityPrior
 from farpoint.pose.track_errors import NO_EARLIER_PAIRS
 from farpoint.pose.views import Views, estimate_views, rough_motion, search_views
 from farpoint.tracks import Tracker, Tracks, grey_size
@@ -119,6 +120,8 @@ class Odometry:
         self._path = PathBuilder(self._estimate, self.options.path, self.options.lens)
         self._lens = LensInUse(camera, self.options.lens)
         self._velocities = Velocities()
+        # Frame and velocity prior of the last estimated pair.
+        self._last_prior: tuple[int, VelocityPrior | None] = (-1, None)
         self._time, self._capture, self._fields = RisingTime(), CaptureTimes(), Deinterlacer()
         self._captured = 0.0  # capture time of the current frame, s
         self._timestamps: dict[int, float] = {}  # by frame index, if the pose is not final
@@ -265,20 +268,23 @@ class Odometry:
         """
         tracks, points = result.tracks, result.tracks.points0
         # Errors of lens and shutter, and errors common to all tracks, are equal in both halves and
-        # cancel in the difference. They are therefore left out of the covariances.
+        # cancel in the difference. They are therefore left out of the covariances. Changes of the
+        # velocity are estimated from each half by itself.
         camera = replace(self._lens.camera.with_uncertainty(), readout_sigma_s=None)
         options = replace(self.options.pose, shared_error_px=0.0)
         groups = (
             parts_of(camera.unproject(points)) if cell_px is None else image_cells(points, cell_px)
         )
         seconds, seed = result.timestamp - result.timestamp0, self.options.seed
+        frame, prior = self._last_prior
+        if frame != result.frame1:
+            prior = Velocities().prior(seconds)
 
         def estimate_half(
             points0: np.ndarray, points1: np.ndarray, covariance_px2: np.ndarray
         ) -> RelativePose:
             views = self._views_of(camera, points0, points1, covariance_px2, seconds)
-            views = views._replace(velocity_prior=self._velocities.prior(seconds))
-            return estimate_views(views, options, seed)
+            return estimate_views(views._replace(velocity_prior=prior), options, seed)
 
         return split_half(
             (points, tracks.points1, tracks.covariance_px2),
@@ -297,6 +303,7 @@ class Odometry:
         self._lens.begin(seconds)
         tracks, searched = self._without_perspective(tracks, seconds, reference)
         views = self._views(self._lens.camera, tracks, seconds)
+        self._last_prior = index, views.velocity_prior
         pose = estimate_views(views, self.options.pose, self.options.seed, searched)
         self._track_errors = self._track_errors.with_pair(
             pose.stats.half_ratio, pose.stats.residual_correlation

@@ -11,6 +11,7 @@ import numpy as np
 
 from farpoint._kernels.constants import ALTERNATIONS
 from farpoint.geometry import so3
+from farpoint.pose.conclusion import with_covariance
 from farpoint.pose.constants import ROWS_CONVERGED_SIGMA
 from farpoint.pose.general_motion import GeneralMotionFit, refit_general_motion
 from farpoint.pose.matches import PixelMatches
@@ -90,7 +91,7 @@ def estimate_rolling(
         passes += 1
         matches = pixels.matches(partial(shutter.unrolled, theta))
         pose = estimate(matches, options.matching_tolerance_px, options, seed, start, errors)
-        R, R_covariance, C = pose.rotation_cam1_from_cam0, pose.rotation_covariance, pose.covariance
+        R, R_covariance = pose.rotation_cam1_from_cam0, pose.rotation_covariance
         if R is None or R_covariance is None:
             return pose, shutter
         used = np.flatnonzero(pose.labels != TrackLabel.OUTLIER)
@@ -99,21 +100,25 @@ def estimate_rolling(
         sigmas = math.sqrt(error @ np.linalg.solve(R_covariance, error))
         if sigmas <= ROWS_CONVERGED_SIGMA or passes == ALTERNATIONS:
             break
-    if corrected is not None and corrected.changes is not None:
-        by_changes = corrected.changes.covariance()
-        R_covariance = R_covariance + by_changes[:3, :3]
-        C = None if C is None else C + by_changes
-    # The time between a match's rows is not that between the middle rows.
+    changes = None if corrected is None else corrected.changes
+    return _of_middle_rows(pose, theta, time_between, changes), shutter
+
+
+def _of_middle_rows(
+    pose: RelativePose, theta: np.ndarray, time_between: float, changes: VelocityChanges | None
+) -> RelativePose:
+    """The motion ``theta`` between the middle rows, with the uncertainty of the changes.
+
+    The time between the rows of a match is ``time_between`` times that between the middle rows.
+    """
+    assert pose.rotation_covariance is not None
+    by_changes = np.zeros((5, 5)) if changes is None else changes.covariance(pose.direction_basis)
     by_time = np.diag([1.0 / time_between] * 3 + [1.0, 1.0])
-    return (
-        replace(
-            pose,
-            rotation_cam1_from_cam0=so3.exp(theta),
-            rotation_covariance=R_covariance / time_between**2,
-            covariance=None if C is None else by_time @ C @ by_time,
-        ),
-        shutter,
-    )
+    pose = replace(pose, rotation_cam1_from_cam0=so3.exp(theta))
+    if pose.covariance is not None:
+        return with_covariance(pose, by_time @ (pose.covariance + by_changes) @ by_time)
+    rotation = pose.rotation_covariance + by_changes[:3, :3]
+    return replace(pose, rotation_covariance=rotation / time_between**2)
 
 
 class _Corrected(NamedTuple):

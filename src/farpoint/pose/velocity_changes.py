@@ -3,8 +3,8 @@
 The estimate is the maximum of the posterior. In the covariance of the motion, however, the changes
 count as unknown, with the 1-sigmas of their prior. A change of the angular velocity and a
 translation displace the matches alike, and the information of the matches on the difference
-between both is too large by the noise of the flow: of simulated walks, the errors of the changes
-are 5 to 10 times what this information predicts.
+between both is too large. Without the prior, the covariances of simulated walks are too small
+(tests/test_velocities.py).
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy as np
 
 from farpoint._kernels.constants import POSE_PARAMETERS, VELOCITY_CHANGES
 from farpoint._kernels.velocity_changes import sum_by_changes
+from farpoint.geometry.sphere import tangent_basis
 from farpoint.pose.general_motion import GeneralMotionFit, linearisation_point
 from farpoint.pose.shutter import Shutter, VelocityPrior
 
@@ -42,6 +43,8 @@ class VelocityChanges(NamedTuple):
         Derivative of the negative log likelihood by the changes.
     motion_by_change : ndarray, shape (5, 6)
         Derivative of the motion ``[dtheta, dbeta]`` by the changes.
+    basis : ndarray, shape (3, 2)
+        Tangent basis of ``dbeta``, in the axes of camera 1.
     """
 
     shutter: Shutter
@@ -49,6 +52,7 @@ class VelocityChanges(NamedTuple):
     information: np.ndarray
     slope: np.ndarray
     motion_by_change: np.ndarray
+    basis: np.ndarray
 
     @classmethod
     def of(cls, shutter: Shutter, prior: VelocityPrior, fit: GeneralMotionFit) -> VelocityChanges:
@@ -62,8 +66,14 @@ class VelocityChanges(NamedTuple):
         H = np.tril(H) + np.tril(H, -1).T
         by_change = -np.linalg.pinv(H[_MOTION, _MOTION], hermitian=True) @ H[_MOTION, _CHANGES]
         information = H[_CHANGES, _CHANGES] + H[_CHANGES, _MOTION] @ by_change
-        units = np.outer(sigmas, sigmas)
-        return cls(shutter, sigmas, units * information, sigmas * g[_CHANGES], by_change * sigmas)
+        return cls(
+            shutter,
+            sigmas,
+            np.outer(sigmas, sigmas) * information,
+            sigmas * g[_CHANGES],
+            by_change * sigmas,
+            tangent_basis(fit.direction_cam1_from_cam0),
+        )
 
     def step(self, tempering: float) -> tuple[Shutter, float]:
         """The shutter after a Gauss-Newton step of the changes, and the length of the step.
@@ -79,6 +89,13 @@ class VelocityChanges(NamedTuple):
         length = math.sqrt(max(float(slope @ step), 0.0))
         return self.shutter._replace(changes=changes - sigmas * step), length
 
-    def covariance(self) -> np.ndarray:
-        """Covariance (5, 5) of the motion, rad^2, due to the prior uncertainty of the changes."""
-        return self.motion_by_change @ self.motion_by_change.T
+    def covariance(self, basis: np.ndarray | None) -> np.ndarray:
+        """Covariance (5, 5) of the motion, rad^2, due to the prior uncertainty of the changes.
+
+        ``dbeta`` is in the tangent ``basis`` (3, 2) of a motion. For None, which is a motion
+        without a direction, the covariance is that of the fitted motion.
+        """
+        by_change = self.motion_by_change
+        if basis is not None:
+            by_change = np.vstack([by_change[:3], basis.T @ self.basis @ by_change[3:]])
+        return by_change @ by_change.T
