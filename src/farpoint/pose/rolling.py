@@ -111,12 +111,12 @@ def _of_middle_rows(
 
     The time between the rows of a match is ``time_between`` times that between the middle rows.
     """
-    assert pose.rotation_covariance is not None
     by_changes = np.zeros((5, 5)) if changes is None else changes.covariance(pose.direction_basis)
     by_time = np.diag([1.0 / time_between] * 3 + [1.0, 1.0])
     pose = replace(pose, rotation_cam1_from_cam0=so3.exp(theta))
     if pose.covariance is not None:
         return with_covariance(pose, by_time @ (pose.covariance + by_changes) @ by_time)
+    assert pose.rotation_covariance is not None
     rotation = pose.rotation_covariance + by_changes[:3, :3]
     return replace(pose, rotation_covariance=rotation / time_between**2)
 
