@@ -17,7 +17,7 @@ from farpoint.metrics.association import poses_at_times
 from farpoint.odometry import Odometry, sequence
 from farpoint.odometry.constants import ANGULAR_ACCELERATION, DIRECTION_TURN_RATE
 from farpoint.odometry.velocities import Velocities
-from farpoint.path.path import _between
+from farpoint.path.velocities import velocity_between
 from farpoint.pose import RelativePoseOptions, failed_pose
 from farpoint.pose.certainty import direction_sigma
 from farpoint.pose.shutter import VelocityPrior, shutter_of
@@ -64,7 +64,7 @@ def test_a_rate_without_one_before_is_exact_with_the_first_derivative():
 def test_a_velocity_between_frames_is_exact_for_the_third_degree():
     coefficients = np.random.default_rng(3).normal(size=(4, 6))
     around = [means_of(coefficients, begin) for begin in (-2.0, -1.0, 0.0, 1.0)]
-    np.testing.assert_allclose(_between(*around), coefficients[0])
+    np.testing.assert_allclose(velocity_between(*around), coefficients[0])
 
 
 def history_of(rates: np.ndarray) -> Velocities:

@@ -31,6 +31,7 @@ from farpoint.path.point import FinalPose, PathPoint, Rest
 from farpoint.path.resection import Located, locate_frame
 from farpoint.path.second_order import second_order_variance
 from farpoint.path.selection import redundant_keyframe, select_tracks
+from farpoint.path.velocities import KeyframeVelocities, mean_velocity
 from farpoint.path.window import Window
 from farpoint.pose import PoseStatus, RelativePose, TrackLabel
 from farpoint.tracks import Tracks
@@ -130,10 +131,8 @@ class PathBuilder:
         self._first: tuple[Keyframe, TrackObservations] | None = None
         # Flow since the last keyframe, px, when `_since_keyframe` last estimated a motion.
         self._unobservable_flow = 0.0
-        self._new_keyframe: Keyframe | None = None
         self._is_key, self._has_scale = False, False
-        self._twist = self._twist_before = np.zeros(6)
-        self._pending_twist: tuple[Keyframe, np.ndarray] | None = None
+        self._velocities = KeyframeVelocities()
         # Derivatives (6, D) of the current pose by the unknowns of the window's last solution; None
         # before the first solution.
         self._by_state: np.ndarray | None = None
@@ -224,8 +223,8 @@ class PathBuilder:
                 self._lens = LensEstimate(camera, self._lens_options, pair.seconds)
             assert camera.size is not None
             self._window = Window(self._lens, camera.size)
-            self._new_keyframe = self._window.add(
-                pair.frame0, pair.time0, self._R, self._p, np.zeros(6)
+            self._velocities.add_keyframe(
+                self._window.add(pair.frame0, pair.time0, self._R, self._p, np.zeros(6))
             )
             self._is_key = True
         return self._window
@@ -263,8 +262,7 @@ class PathBuilder:
             self._solve(window, motion)
             # Before this solution, no displacement of a frame and thus no velocity was known.
             window.reset_linear_velocities()
-            self._twist = self._twist_before = window.frames[-1].twist
-            self._pending_twist = None
+            self._velocities.restart(window.frames[-1].twist, window.frames[-1].twist)
         elif motion.status is not PoseStatus.STATIC:
             # The displacement is unknown.
             self._own[3:, 3:] += (UNKNOWN_LENGTH_SIGMA * self._unit(pair.seconds)) ** 2 * np.eye(3)
@@ -325,7 +323,7 @@ class PathBuilder:
 
         other = contradicting_motion(
             WindowView(first.frame, first.timestamp, first.R, first.p, first.twist, tracks),
-            WindowView(pair.frame1, pair.time1, self._R, self._p, self._twist, step.inliers),
+            WindowView(pair.frame1, pair.time1, *self._pose, self._velocities.last, step.inliers),
             self._since(tracks, step.inliers, seconds),
             lambda: Window(lens(), window.size),
             self._options.max_tracks,
@@ -333,13 +331,12 @@ class PathBuilder:
         if other is None:
             return np.zeros(3)
         last = other.frames[-1]
-        rate = np.concatenate([so3.log(last.R @ self._R.T), last.p - self._p]) / seconds
+        rate = mean_velocity(self._pose, (last.R, last.p), seconds)
         if not self._is_key:
             self._add_keyframe(window, step.inliers, pair)
         correction, self._lens = Correction(window.frames), lens()
         window.restart(self._lens, other.lens.common, rate, first.timestamp)
-        self._twist, self._twist_before = self._twist + rate, self._twist_before + rate
-        self._pending_twist = None
+        self._velocities.shift(rate)
         self._solve(window, step.motion)
         self._pending.correct(correction)
         return correction.at(pair.time0)[3:]
@@ -353,8 +350,8 @@ class PathBuilder:
         # With an observable direction, the initial position assumes constant velocity. Resection
         # converges from initial errors of 10 sigma.
         continues = motion.status is PoseStatus.OK
-        start = self._p + self._twist[3:] * pair.seconds if continues else self._p
-        last = self._R, self._p
+        start = self._p + self._velocities.last[3:] * pair.seconds if continues else self._p
+        last = self._pose
         located = locate_frame(window, now, last, R, start, pair.seconds)
         if located is None or not self._carries_scale(window, located, pair.seconds):
             if motion.status is PoseStatus.OK and self._speed is not None and pair.seconds > 0.0:
@@ -482,9 +479,10 @@ class PathBuilder:
         while len(window) >= self._options.keyframes:
             alive = self._history.now.ids
             self._pending.freeze(window.remove(redundant_keyframe(window, alive), alive))
-        keyframe = window.add(pair.frame1, pair.time1, self._R, self._p, self._twist)
+        keyframe = window.add(pair.frame1, pair.time1, *self._pose, self._velocities.last)
         window.observe(select_tracks(observed, window.landmarks, self._options.max_tracks))
-        self._key_tracks, self._new_keyframe, self._is_key = observed, keyframe, True
+        self._velocities.add_keyframe(keyframe)
+        self._key_tracks, self._is_key = observed, True
         self._unobservable_flow = 0.0
 
     def _complete_keyframe(self, window: Window, before: TrackObservations) -> None:
@@ -510,16 +508,9 @@ class PathBuilder:
 
     def _solve(self, window: Window, motion: RelativePose) -> None:
         newest = window.frames[-1]
-        before = {id(frame): frame.twist for frame in window.frames}
+        before = {frame.frame: frame.twist for frame in window.frames}
         window.solve(LATER_ITERATIONS if window.has_marginalised else FIRST_ITERATIONS)
-        # The solution changes the newest keyframe's velocity. The same change is added to the mean
-        # velocities over the last two intervals between frames.
-        change = newest.twist - before[id(newest)]
-        self._twist, self._twist_before = self._twist + change, self._twist_before + change
-        if self._pending_twist is not None:
-            keyframe, velocities = self._pending_twist
-            change = keyframe.twist - before.get(id(keyframe), keyframe.twist)
-            self._pending_twist = keyframe, velocities + change
+        self._velocities.correct(newest, before)
         seconds = newest.timestamp - window.frames[-2].timestamp
         displacement, is_significant = window.last_length()
         if is_significant and seconds > 0.0 and motion.status is PoseStatus.OK:
@@ -527,22 +518,14 @@ class PathBuilder:
         self._R, self._p, self._own = newest.R, newest.p, np.zeros((6, 6))
         self._by_state = window.newest_by_state()
 
+    @property
+    def _pose(self) -> tuple[np.ndarray, np.ndarray]:
+        """Rotation and position of the last frame."""
+        return self._R, self._p
+
     def _move_to(self, R: np.ndarray, p: np.ndarray, seconds: float) -> None:
-        twist = np.zeros(6)
-        if seconds > 0.0:
-            twist = np.concatenate([so3.log(R @ self._R.T), p - self._p]) / seconds
-        keyframe, self._new_keyframe = self._new_keyframe, None
-        if self._pending_twist is not None:
-            previous, (before2, before, after) = self._pending_twist
-            previous.twist, self._pending_twist = _between(before2, before, after, twist), None
-        if keyframe is not None:
-            # Mean of the velocities over the intervals before and after the keyframe. For the first
-            # keyframe, the velocity over the interval after the keyframe.
-            is_first, last = not keyframe.twist.any(), self._twist
-            keyframe.twist = twist if is_first else 0.5 * (last + twist)
-            if self._twist_before.any():
-                self._pending_twist = keyframe, np.array([self._twist_before, last, twist])
-        self._R, self._p, self._twist, self._twist_before = R, p, twist, self._twist
+        self._velocities.add(mean_velocity(self._pose, (R, p), seconds))
+        self._R, self._p = R, p
 
     # Output of a frame
 
@@ -608,16 +591,3 @@ class PathBuilder:
             p=self._p,
             covariance=self._covariance(),
         )
-
-
-def _between(
-    before2: np.ndarray, before: np.ndarray, after: np.ndarray, after2: np.ndarray
-) -> np.ndarray:
-    """Velocity at a keyframe, from mean velocities over the two intervals before and two after.
-
-    For intervals of equal length, the result is exact if the velocity is a polynomial of third
-    degree in time. The mean of ``before`` and ``after`` alone would underestimate the extremes of
-    an oscillating velocity. The estimated read-out time would then be too large, because the
-    observed shear of the image is proportional to the product of velocity and read-out time.
-    """
-    return (7.0 * (before + after) - (before2 + after2)) / 12.0
