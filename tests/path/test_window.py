@@ -14,6 +14,7 @@ from farpoint.path.keyframe import Keyframe
 from farpoint.path.options import LensRefinementOptions, PathOptions
 from farpoint.path.prior import Prior
 from farpoint.path.residuals import Normal, Poses
+from farpoint.path.velocities import correct_velocities
 from farpoint.path.window import Window
 
 FISHEYE = Camera(
@@ -110,7 +111,7 @@ def test_a_removed_keyframe_leaves_its_information():
     window.solve(1)
     window._linear = None  # taken anew, at the lens as it is
     reduced = normal_of(window).reduced(0.0)
-    whole = window._with_prior(reduced, window._deviation(), window._baseline())
+    whole = window._with_prior(reduced, window._deviation(), window._scale.gauge(window.frames))
     window.remove(0, np.empty(0, np.int64))
     kept = np.linalg.inv(window._prior.at(window._deviation()).H)
     np.testing.assert_allclose(kept, np.linalg.inv(whole.H)[6:, 6:], rtol=1e-3, atol=1e-12)
@@ -210,7 +211,7 @@ def test_velocities_follow_the_solution():
     for frame in window.frames:
         since = frame.timestamp - window.frames[0].timestamp
         frame.p, frame.R = frame.p + since * drift, so3.exp(since * turn) @ frame.R
-    window._correct_velocities(start)
+    correct_velocities(window.frames, start)
     for frame, before in zip(window.frames, start.twist, strict=True):
         np.testing.assert_allclose(frame.twist - before, np.concatenate([turn, drift]), atol=1e-6)
 

@@ -31,7 +31,11 @@ from farpoint.path.point import FinalPose, PathPoint, Rest
 from farpoint.path.resection import Located, locate_frame
 from farpoint.path.second_order import second_order_variance
 from farpoint.path.selection import redundant_keyframe, select_tracks
-from farpoint.path.velocities import KeyframeVelocities, mean_velocity
+from farpoint.path.velocities import (
+    KeyframeVelocities,
+    mean_velocity,
+    reset_linear_velocities,
+)
 from farpoint.path.window import Window
 from farpoint.pose import PoseStatus, RelativePose, TrackLabel
 from farpoint.tracks import Tracks
@@ -261,7 +265,7 @@ class PathBuilder:
             window.triangulate()
             self._solve(window, motion)
             # Before this solution, no displacement of a frame and thus no velocity was known.
-            window.reset_linear_velocities()
+            reset_linear_velocities(window.frames)
             self._velocities.restart(window.frames[-1].twist, window.frames[-1].twist)
         elif motion.status is not PoseStatus.STATIC:
             # The displacement is unknown.

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from farpoint.geometry import so3
 from farpoint.path.keyframe import Keyframe
+from farpoint.path.prior import rotation_vectors
+from farpoint.path.residuals import Poses
 
-__all__ = ["KeyframeVelocities", "mean_velocity", "velocity_between"]
+__all__ = [
+    "KeyframeVelocities",
+    "correct_velocities",
+    "mean_velocity",
+    "reset_linear_velocities",
+    "velocity_between",
+]
 
 
 class _Unfinished(NamedTuple):
@@ -104,3 +113,36 @@ def velocity_between(
     observed shear of the image is proportional to the product of velocity and read-out time.
     """
     return (7.0 * (before + after) - (before2 + after2)) / 12.0
+
+
+def reset_linear_velocities(frames: Sequence[Keyframe]) -> None:
+    """Set the linear velocities of keyframes to finite differences of their positions."""
+    velocities = _rates(frames, np.array([frame.p for frame in frames]))
+    for frame, velocity in zip(frames, velocities, strict=True):
+        frame.twist = np.concatenate([frame.twist[:3], velocity])
+
+
+def correct_velocities(frames: Sequence[Keyframe], start: Poses) -> None:
+    """Add the rates of change of the pose corrections to the velocities of keyframes.
+
+    The velocities were computed from frame poses before a solution of the window. The corrections
+    are the changes of the keyframe poses by the solution. ``start`` holds the keyframe poses before
+    the solution.
+    """
+    poses = Poses.of(frames)
+    turns = rotation_vectors(poses.R @ start.R.transpose(0, 2, 1))
+    changes = np.concatenate([turns, poses.p - start.p], axis=1)
+    for frame, change in zip(frames, _rates(frames, changes), strict=True):
+        frame.twist = frame.twist + change
+
+
+def _rates(frames: Sequence[Keyframe], values: np.ndarray) -> np.ndarray:
+    """Rates of change (K, ...), per s, of values (K, ...) of keyframes.
+
+    The rates are finite differences between neighbouring keyframes (`numpy.gradient`). The rates
+    are zero if the time stamps do not increase.
+    """
+    times = np.array([frame.timestamp for frame in frames])
+    if len(times) < 2 or not (np.diff(times) > 0.0).all():
+        return np.zeros_like(values)
+    return np.gradient(values, times, axis=0)

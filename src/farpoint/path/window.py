@@ -39,8 +39,10 @@ from farpoint.path.kernels.information import point_steps
 from farpoint.path.keyframe import Keyframe
 from farpoint.path.landmarks import Landmarks
 from farpoint.path.lens import LensEstimate
-from farpoint.path.prior import Prior, by_position_change, rotation_vectors
+from farpoint.path.prior import Prior, by_position_change
 from farpoint.path.residuals import NOISE, Linear, Normal, Poses, Residuals, row_phase
+from farpoint.path.scale import Scale, by_log_length
+from farpoint.path.velocities import correct_velocities
 
 __all__ = ["Window"]
 
@@ -79,11 +81,7 @@ class Window:
 
     def __init__(self, lens: LensEstimate, size: tuple[int, int]) -> None:
         self.size = size
-        # Slots (indices in `frames`) of the two keyframes whose distance is the unit of the path.
-        # None as soon as the prior fixes the scale.
-        self._unit: tuple[int, int] | None = None
-        self._unit_variance = self._scale_variance = 0.0
-        self._by_scale = np.zeros(len(lens.covariance))
+        self._scale = Scale(len(lens.covariance))
         # ``sigma`` of each `add_rest_prior`, by the slot of the later of the two keyframes; empty
         # as soon as a keyframe is marginalised.
         self._rests: dict[int, float] = {}
@@ -180,18 +178,7 @@ class Window:
 
     def set_unit(self) -> None:
         """Fix the scale by the current distance between the last two keyframes."""
-        self._unit = (len(self.frames) - 2, len(self.frames) - 1)
-
-    def _baseline(self) -> tuple[int, int] | None:
-        """Slots of the two keyframes whose distance is fixed in a solution (gauge of the scale).
-
-        The two keyframes are the first keyframe and the keyframe farthest from the first. The
-        result is None if the prior fixes the scale, or if all keyframes have the same position.
-        """
-        if self._unit is None:
-            return None
-        lengths = [float(np.linalg.norm(frame.p - self.frames[0].p)) for frame in self.frames]
-        return (0, int(np.argmax(lengths))) if max(lengths) > 0.0 else None
+        self._scale.set_unit((len(self.frames) - 2, len(self.frames) - 1))
 
     # Points
 
@@ -318,38 +305,8 @@ class Window:
                 damping *= DAMPING_FACTOR
         self.cost = cost
         self._store_solution(linear, normal, system)
-        self._correct_velocities(start)
-        self._find_scale()
-
-    def reset_linear_velocities(self) -> None:
-        """Set the linear velocities of the keyframes to finite differences of the positions."""
-        velocities = self._rates(np.array([frame.p for frame in self.frames]))
-        for frame, velocity in zip(self.frames, velocities, strict=True):
-            frame.twist = np.concatenate([frame.twist[:3], velocity])
-
-    def _correct_velocities(self, start: Poses) -> None:
-        """Add the rates of change of the pose corrections to the velocities of the keyframes.
-
-        The velocities were computed from frame poses before the solution. The corrections are the
-        changes of the keyframe poses by the solution. ``start`` holds the keyframe poses before the
-        solution.
-        """
-        poses = Poses.of(self.frames)
-        turns = rotation_vectors(poses.R @ start.R.transpose(0, 2, 1))
-        changes = np.concatenate([turns, poses.p - start.p], axis=1)
-        for frame, change in zip(self.frames, self._rates(changes), strict=True):
-            frame.twist = frame.twist + change
-
-    def _rates(self, values: np.ndarray) -> np.ndarray:
-        """Rates of change (K, ...), per s, of values (K, ...) of the keyframes.
-
-        The rates are finite differences between neighbouring keyframes (`numpy.gradient`). The
-        rates are zero if the time stamps do not increase.
-        """
-        times = np.array([frame.timestamp for frame in self.frames])
-        if len(times) < 2 or not (np.diff(times) > 0.0).all():
-            return np.zeros_like(values)
-        return np.gradient(values, times, axis=0)
+        correct_velocities(self.frames, start)
+        self._scale.update(self.frames, self.covariance)
 
     def _equations(
         self, residuals: Residuals, linear: Linear, deviation: np.ndarray
@@ -360,7 +317,7 @@ class Window:
         """
         normal = residuals.normal(linear, self.landmarks.has_depth)
         reduced = normal.reduced(self._depth_damping())
-        return normal, self._with_prior(reduced, deviation, self._baseline())
+        return normal, self._with_prior(reduced, deviation, self._scale.gauge(self.frames))
 
     def _residuals(self, poses: Poses) -> Residuals:
         return Residuals(
@@ -382,43 +339,17 @@ class Window:
 
         The error of the position is defined by ``p_true = p + dp``. ``by_state`` (6, D) holds the
         derivatives of the pose by all unknowns of the last solution. ``dlog_scale`` is the error of
-        the scale at the newest keyframe (`_find_scale`).
+        the scale at the newest keyframe (`Scale`).
         """
-        rows = np.vstack([by_state, self._by_scale])
+        rows = np.vstack([by_state, self._scale.by_state])
         by_unit = np.array([0.0, 0.0, 0.0, *(p - self.origin), 1.0])
-        unit = self._unit_variance if self._unit is None else self._variance_of_unit()
+        unit = self._scale.unit_variance(self.frames, self.covariance)
         covariance = rows @ self.covariance @ rows.T + unit * np.outer(by_unit, by_unit)
-        if self._is_at_unit():  # the unit baseline has no error by definition
+        if self._scale.ends_unit(len(self.frames) - 1):  # the unit has no error by definition
             covariance[6], covariance[:, 6] = 0.0, 0.0
-        elif not self._by_scale.any():
-            covariance[6, 6] += self._scale_variance
-        return covariance
-
-    def _is_at_unit(self) -> bool:
-        return self._unit is not None and self._unit[1] == len(self.frames) - 1
-
-    def _find_scale(self) -> None:
-        """Find the derivatives (D,) of the logarithm of the scale by all unknowns.
-
-        The logarithm of the scale is measured by a baseline from another keyframe to the newest
-        keyframe: the baseline whose length has the smallest relative 1-sigma. If this 1-sigma is
-        1/3 or more, as under pure rotation, the derivatives are zero, and the variance from an
-        earlier solution is kept.
-        """
-        count, newest, least = len(self.covariance), len(self.frames) - 1, np.inf
-        self._by_scale = np.zeros(count)
-        for slot in range(newest):
-            displacement = self.frames[newest].p - self.frames[slot].p
-            length2 = float(displacement @ displacement)
-            if length2 > 0.0:
-                row = by_position_change(self.frames, slot, newest, displacement / length2, count)
-                variance = float(row @ self.covariance @ row)
-                if variance < least:
-                    least, self._by_scale = variance, row
-        if least < 1.0 / GATE_SIGMA**2:
-            self._scale_variance = least
         else:
-            self._by_scale = np.zeros(count)
+            covariance[6, 6] += self._scale.unmeasured_variance()
+        return covariance
 
     def last_length(self) -> tuple[float, bool]:
         """Distance between the last two keyframes, and whether the distance exceeds 3 sigma."""
@@ -430,13 +361,6 @@ class Window:
             self.frames, last - 1, last, displacement / length, len(self.covariance)
         )
         return length, length**2 > GATE_SIGMA**2 * float(row @ self.covariance @ row)
-
-    def _variance_of_unit(self) -> float:
-        """Variance of the logarithm of the baseline whose length is the unit of the path."""
-        if self._unit is None:
-            return 0.0
-        row = self._by_log_length(self._unit)
-        return float(row @ self.covariance @ row)
 
     def relative_pose(self, slot0: int, slot1: int) -> tuple[np.ndarray, np.ndarray]:
         """Motion ``cam1_from_cam0`` (4, 4) between two keyframes, and its covariance (6, 6).
@@ -490,7 +414,7 @@ class Window:
         lengths = [float(np.linalg.norm(f.p - self.frames[-1].p)) for f in self.frames]
         if max(lengths) > 0.0:
             # Covariance if the longest baseline to the newest keyframe has a known length.
-            row = self._by_log_length((int(np.argmax(lengths)), newest))
+            row = by_log_length(self.frames, (int(np.argmax(lengths)), newest), len(spread))
             by_length = spread @ row
             spread = spread - np.outer(by_length, by_length) / (
                 SCALE_GAUGE_SIGMA**2 + row @ by_length
@@ -512,17 +436,9 @@ class Window:
         known = self._prior.at(deviation)
         H = system.H + known.H
         if gauge is not None:
-            row = self._by_log_length(gauge) / SCALE_GAUGE_SIGMA
+            row = by_log_length(self.frames, gauge, len(H)) / SCALE_GAUGE_SIGMA
             H += np.outer(row, row)
         return System(H, system.g + known.g)
-
-    def _by_log_length(self, slots: tuple[int, int]) -> np.ndarray:
-        """Derivatives (D,) of the logarithm of the distance between two keyframes."""
-        displacement = self.frames[slots[1]].p - self.frames[slots[0]].p
-        count = 6 * len(self.frames) + self.lens.size + 1
-        return by_position_change(
-            self.frames, *slots, displacement / float(displacement @ displacement), count
-        )
 
     def _depth_damping(self) -> float:
         known = self.landmarks.s[self.landmarks.has_depth]
@@ -568,8 +484,6 @@ class Window:
         removed if its track is not in view, because such a point carries no information.
         """
         marks, frame = self.landmarks, self.frames[slot]
-        if self._unit is not None:
-            self._unit_variance = self._variance_of_unit()
         poses = Poses.of(self.frames)
         is_anchored = marks.slot[marks.anchor] == slot
         is_alive = np.isin(marks.ids, alive)
@@ -580,7 +494,9 @@ class Window:
         if linear is None or used[marks.point[len(linear.residuals) :]].any():
             linear = residuals.linear(poses)
         reduced = residuals.normal(linear, used).reduced(0.0)
-        system = self._with_prior(reduced, self._deviation(), self._baseline())
+        gauge = self._scale.gauge(self.frames)
+        system = self._with_prior(reduced, self._deviation(), gauge)
+        self._scale.forget_unit(self.frames, self.covariance)
         gone = ended | ~is_alive & (np.bincount(marks.point, minlength=len(marks.ids)) < 2)
         gone[self._change_anchors(np.flatnonzero(is_anchored & ~ended), slot)] = True
         marks.remove(gone, slot)
@@ -588,7 +504,7 @@ class Window:
         out = slice(6 * slot, 6 * slot + 6)
         self.covariance = np.delete(np.delete(self.covariance, out, axis=0), out, axis=1)
         self._prior.replace(system, slot, Poses.of(self.frames), self.lens.common)
-        self._has_marginalised, self._unit, self._linear = True, None, None
+        self._has_marginalised, self._linear = True, None
         self._rests.clear()
         return frame
 
