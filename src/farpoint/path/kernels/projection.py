@@ -13,13 +13,20 @@ The functions write their results into arrays that the caller passes.
 
 from __future__ import annotations
 
-import math
-
 from farpoint._kernels.compile import loop_kernel, step_kernel
+from farpoint._kernels.vectors import (
+    axpby,
+    cross,
+    dot,
+    matrix,
+    norm,
+    rotate,
+    rotate_back,
+    vector,
+)
 from farpoint.path.constants import MIN_FACING_COSINE, UNSEEN_PX
-from farpoint.path.kernels.geometry import cross, lag, rotated, rotated_back
 
-__all__ = ["by_sigmas", "expected_rays", "pixel_residuals"]
+__all__ = ["by_point_and_pose", "by_sigmas", "expected_rays", "is_facing", "lag", "pixel_residuals"]
 
 
 @loop_kernel
@@ -38,14 +45,49 @@ def by_sigmas(by_parameters, factor, out):
 
 
 @step_kernel
+def lag(twist, d, s):
+    """``w x d + s v``: change per second of a homogeneous point that moves with the camera.
+
+    ``w`` and ``v`` are the angular and the linear velocity, ``twist = [w, v]``, ``d`` is the vector
+    ``X - s p`` from the camera to the point, and ``s`` is the inverse depth.
+    """
+    return axpby(1.0, cross(vector(twist[:3]), d), s, vector(twist[3:]))
+
+
+@step_kernel
 def _anchor_ray(R, ray, by_lens, lens):
     """Ray of a point in its anchor, in world axes, for a lens that has changed by ``lens`` (r,)."""
-    x, y, z = ray[0], ray[1], ray[2]
+    x, y, z = vector(ray)
     for i in range(len(lens)):
         x += by_lens[0, i] * lens[i]
         y += by_lens[1, i] * lens[i]
         z += by_lens[2, i] * lens[i]
-    return rotated(R, x, y, z)
+    return rotate(matrix(R), (x, y, z))
+
+
+@step_kernel
+def _observed(
+    o, R, p, twist, readout, lens, frame, point, row_phase, rays, ray_by_lens, anchor, s
+):  # fmt: skip
+    """The homogeneous point X of observation ``o``, and the observed point in camera axes.
+
+    The function also returns the derivatives, in world axes, of the observed point by the read-out
+    time and by the inverse depth.
+    """
+    j = point[o]
+    a = anchor[j]
+    k, ka = frame[o], frame[a]
+    ray = _anchor_ray(R[ka], rays[j], ray_by_lens[j], lens)
+    anchor_lag = lag(twist[ka], ray, s[j])
+    at_anchor = axpby(1.0, vector(p[ka]), row_phase[a] * readout, vector(twist[ka, 3:]))
+    at_observer = axpby(1.0, vector(p[k]), row_phase[o] * readout, vector(twist[k, 3:]))
+    X = axpby(1.0, ray, s[j], vector(p[ka]))
+    X = axpby(1.0, X, row_phase[a] * readout, anchor_lag)
+    away = axpby(1.0, X, -s[j], vector(p[k]))
+    own_lag = lag(twist[k], away, s[j])
+    seen = rotate_back(matrix(R[k]), axpby(1.0, away, -row_phase[o] * readout, own_lag))
+    by_readout = axpby(row_phase[a], anchor_lag, -row_phase[o], own_lag)
+    return X, seen, by_readout, axpby(1.0, at_anchor, -1.0, at_observer)
 
 
 @loop_kernel
@@ -57,20 +99,33 @@ def expected_rays(
     ``out`` (N, 3) receives the rays.
     """
     for o in range(len(frame)):
-        j = point[o]
-        a = anchor[j]
-        k, ka, sj = frame[o], frame[a], s[j]
-        wx, wy, wz = _anchor_ray(R[ka], rays[j], ray_by_lens[j], lens)
-        ux, uy, uz = lag(twist[ka], wx, wy, wz, sj)
-        late = readout * row_phase[a]
-        dx = wx + late * ux + sj * (p[ka, 0] - p[k, 0])
-        dy = wy + late * uy + sj * (p[ka, 1] - p[k, 1])
-        dz = wz + late * uz + sj * (p[ka, 2] - p[k, 2])
-        vx, vy, vz = lag(twist[k], dx, dy, dz, sj)
-        late = readout * row_phase[o]
-        cx, cy, cz = rotated_back(R[k], dx - late * vx, dy - late * vy, dz - late * vz)
-        scale = 1.0 / math.sqrt(cx * cx + cy * cy + cz * cz)
-        out[o, 0], out[o, 1], out[o, 2] = cx * scale, cy * scale, cz * scale
+        _, seen, _, _ = _observed(
+            o, R, p, twist, readout, lens, frame, point, row_phase, rays, ray_by_lens, anchor, s
+        )
+        out[o, 0], out[o, 1], out[o, 2] = axpby(1.0 / norm(seen), seen, 0.0, seen)
+
+
+@step_kernel
+def by_point_and_pose(R, by_ray, expected, seen, X, s, by_pose):
+    """Change of a pixel from that of the unit ray ``expected``, and its derivative by the point.
+
+    The point is ``seen`` in camera axes, and X is the homogeneous point from which the pose is
+    perturbed. ``by_ray`` (3,) is the derivative of the pixel by the unit ray. ``by_pose`` (6,)
+    receives the derivative by the pose of the observer, with the rotation about the origin of X.
+    """
+    inverse = 1.0 / dot(vector(expected), seen)
+    change = inverse * dot(vector(by_ray), seen)
+    by_seen = axpby(inverse, vector(by_ray), -inverse * change, vector(expected))
+    by_point = rotate(matrix(R), by_seen)
+    by_pose[0], by_pose[1], by_pose[2] = cross(by_point, X)
+    by_pose[3], by_pose[4], by_pose[5] = axpby(-s, by_point, 0.0, by_point)
+    return change, by_point
+
+
+@step_kernel
+def is_facing(expected, seen):
+    """Whether a point that is ``seen`` in camera axes is near the unit ray ``expected``."""
+    return dot(vector(expected), seen) > MIN_FACING_COSINE * norm(seen)
 
 
 @loop_kernel
@@ -114,52 +169,26 @@ def pixel_residuals(
     r = len(lens)
     for o in range(len(frame)):
         j = point[o]
-        a = anchor[j]
         residuals[o, 0] = residuals[o, 1] = 0.0
-        if o == a or not used[j]:
+        if o == anchor[j] or not used[j]:
             continue
-        k, ka, sj = frame[o], frame[a], s[j]
-        wx, wy, wz = _anchor_ray(R[ka], rays[j], ray_by_lens[j], lens)
-        ux, uy, uz = lag(twist[ka], wx, wy, wz, sj)
-        phase_a, phase = row_phase[a], row_phase[o]
-        ux, uy, uz = phase_a * ux, phase_a * uy, phase_a * uz
-        X = wx + sj * p[ka, 0] + readout * ux
-        Y = wy + sj * p[ka, 1] + readout * uy
-        Z = wz + sj * p[ka, 2] + readout * uz
-        dx, dy, dz = X - sj * p[k, 0], Y - sj * p[k, 1], Z - sj * p[k, 2]
-        vx, vy, vz = lag(twist[k], dx, dy, dz, sj)
-        vx, vy, vz = phase * vx, phase * vy, phase * vz
-        cx, cy, cz = rotated_back(R[k], dx - readout * vx, dy - readout * vy, dz - readout * vz)
-        depth = expected[o, 0] * cx + expected[o, 1] * cy + expected[o, 2] * cz
-        if not depth > MIN_FACING_COSINE * math.sqrt(cx * cx + cy * cy + cz * cz):
+        X, seen, by_readout, by_depth = _observed(
+            o, R, p, twist, readout, lens, frame, point, row_phase, rays, ray_by_lens, anchor, s
+        )
+        if not is_facing(expected[o], seen):
             residuals[o, 0] = residuals[o, 1] = UNSEEN_PX
             continue
-        inverse = 1.0 / depth
-        late_a, late = readout * phase_a, readout * phase
-        ex = p[ka, 0] - p[k, 0] + late_a * twist[ka, 3] - late * twist[k, 3]
-        ey = p[ka, 1] - p[k, 1] + late_a * twist[ka, 4] - late * twist[k, 4]
-        ez = p[ka, 2] - p[k, 2] + late_a * twist[ka, 5] - late * twist[k, 5]
+        R_anchor = matrix(R[frame[anchor[j]]])
         for q in range(2):
-            pixel = inverse * (by_ray[o, q, 0] * cx + by_ray[o, q, 1] * cy + by_ray[o, q, 2] * cz)
-            mx, my, mz = rotated(
-                R[k],
-                (by_ray[o, q, 0] - pixel * expected[o, 0]) * inverse,
-                (by_ray[o, q, 1] - pixel * expected[o, 1]) * inverse,
-                (by_ray[o, q, 2] - pixel * expected[o, 2]) * inverse,
+            pixel, by_point = by_point_and_pose(
+                R[frame[o]], by_ray[o, q], expected[o], seen, X, s[j], by_pose[o, q]
             )
             pixel += offsets[o, q]
-            nx, ny, nz = rotated_back(R[ka], mx, my, mz)
+            x, y, z = rotate_back(R_anchor, by_point)
             for i in range(r):
-                pixel += by_lens[o, q, i] * lens[i]
-                by_common[o, q, i] = (
-                    by_lens[o, q, i]
-                    + nx * ray_by_lens[j, 0, i]
-                    + ny * ray_by_lens[j, 1, i]
-                    + nz * ray_by_lens[j, 2, i]
-                )
-            by_common[o, q, r] = mx * (ux - vx) + my * (uy - vy) + mz * (uz - vz)
-            tx, ty, tz = cross(mx, my, mz, X, Y, Z)
-            by_pose[o, q, 0], by_pose[o, q, 1], by_pose[o, q, 2] = tx, ty, tz
-            by_pose[o, q, 3], by_pose[o, q, 4], by_pose[o, q, 5] = -sj * mx, -sj * my, -sj * mz
-            by_s[o, q] = mx * ex + my * ey + mz * ez
+                by_own, by_anchor = by_lens[o, q, i], ray_by_lens[j, :, i]
+                pixel += by_own * lens[i]
+                by_common[o, q, i] = by_own + x * by_anchor[0] + y * by_anchor[1] + z * by_anchor[2]
+            by_common[o, q, r] = dot(by_point, by_readout)
+            by_s[o, q] = dot(by_point, by_depth)
             residuals[o, q] = pixel

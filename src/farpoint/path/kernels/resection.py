@@ -6,10 +6,13 @@ import math
 
 import numpy as np
 
+from farpoint._kernels.cholesky import factorised, solved
 from farpoint._kernels.compile import inner_kernel, loop_kernel, step_kernel
 from farpoint._kernels.constants import STUDENT_FREEDOM
-from farpoint.path.constants import MIN_FACING_COSINE, WINDOW_RIDGE
-from farpoint.path.kernels.geometry import cross, lag, rotated, rotated_back
+from farpoint._kernels.linear import apply_rotation_step
+from farpoint._kernels.vectors import axpby, dot, matrix, rotate_back, vector
+from farpoint.path.constants import WINDOW_RIDGE
+from farpoint.path.kernels.projection import by_point_and_pose, is_facing, lag
 
 __all__ = ["locate"]
 
@@ -26,86 +29,51 @@ def _velocity(R, R0, p, p0, rate, twist):
         twist[3 + i] = rate * (p[i] - p0[i])
 
 
-@inner_kernel
-def _rotate(R, x, y, z):
-    """``R = Exp([x, y, z]) R``."""
-    angle = math.sqrt(x * x + y * y + z * z)
-    a = math.sin(angle) / angle if angle > 1e-9 else 1.0
-    b = (1.0 - math.cos(angle)) / (angle * angle) if angle > 1e-5 else 0.5
-    for i in range(3):
-        rx, ry, rz = R[0, i], R[1, i], R[2, i]
-        cx, cy, cz = cross(x, y, z, rx, ry, rz)
-        dx, dy, dz = cross(x, y, z, cx, cy, cz)
-        R[0, i], R[1, i], R[2, i] = rx + a * cx + b * dx, ry + a * cy + b * dy, rz + a * cz + b * dz
-
-
-@inner_kernel
-def _solved(H, g, x):
-    """Solve ``H x = g`` by Cholesky; returns False if H is not positive definite."""
-    n = len(g)
-    L = np.zeros((n, n))
-    for i in range(n):
-        for j in range(i + 1):
-            total = H[i, j] * (1.0 + WINDOW_RIDGE) if i == j else H[i, j]
-            for k in range(j):
-                total -= L[i, k] * L[j, k]
-            if i == j:
-                if not total > 0.0:
-                    return False
-                L[i, i] = math.sqrt(total)
-            else:
-                L[i, j] = total / L[j, j]
-    for i in range(n):
-        total = g[i]
-        for k in range(i):
-            total -= L[i, k] * x[k]
-        x[i] = total / L[i, i]
-    for i in range(n - 1, -1, -1):
-        total = x[i]
-        for k in range(i + 1, n):
-            total -= L[k, i] * x[k]
-        x[i] = total / L[i, i]
-    return np.isfinite(x).all()
-
-
 @step_kernel
 def _linearise(
-    R, p, twist, late, offset, expected, by_ray, X, s, base, before_by_s, J, m, e, E
+    R, p, twist, late, offset, expected, by_ray, X, s, base, before_by_s, J, e, E
 ):  # fmt: skip
     """Residual of a point (2,), derivatives by the pose (2, 6) and by the inverse depth (2,).
 
     Results: residual ``e``, derivatives ``J`` and ``E``. The other arguments are rows of the
     arguments of `locate`. ``late`` is the time from the middle row to the row of the point, s. The
-    buffer ``m`` (2, 3) holds the derivatives by the point. The function returns False for a point
-    that is not in front of the camera.
+    function returns False for a point that is not in front of the camera.
     """
-    dx, dy, dz = X[0] - s * p[0], X[1] - s * p[1], X[2] - s * p[2]
-    vx, vy, vz = lag(twist, dx, dy, dz, s)
-    cx, cy, cz = rotated_back(R, dx - late * vx, dy - late * vy, dz - late * vz)
-    depth = expected[0] * cx + expected[1] * cy + expected[2] * cz
-    is_seen = depth > MIN_FACING_COSINE * math.sqrt(cx * cx + cy * cy + cz * cz)
-    if is_seen:
-        inverse = 1.0 / depth
-        for q in range(2):
-            ux, uy, uz = by_ray[q, 0], by_ray[q, 1], by_ray[q, 2]
-            pixel = inverse * (ux * cx + uy * cy + uz * cz)
-            m[q, 0], m[q, 1], m[q, 2] = rotated(
-                R,
-                (ux - pixel * expected[0]) * inverse,
-                (uy - pixel * expected[1]) * inverse,
-                (uz - pixel * expected[2]) * inverse,
-            )
-            e[q] = pixel + offset[q]
-            E[q] = (
-                m[q, 0] * (base[0] - p[0])
-                + m[q, 1] * (base[1] - p[1])
-                + m[q, 2] * (base[2] - p[2])
-                - before_by_s[q]
-            )
-            tx, ty, tz = cross(m[q, 0], m[q, 1], m[q, 2], dx, dy, dz)
-            J[q, 0], J[q, 1], J[q, 2] = tx, ty, tz
-            J[q, 3], J[q, 4], J[q, 5] = -s * m[q, 0], -s * m[q, 1], -s * m[q, 2]
-    return is_seen
+    away = axpby(1.0, vector(X), -s, vector(p))
+    seen = rotate_back(matrix(R), axpby(1.0, away, -late, lag(twist, away, s)))
+    if not is_facing(expected, seen):
+        return False
+    by_depth = axpby(1.0, vector(base), -1.0, vector(p))
+    for q in range(2):
+        pixel, by_point = by_point_and_pose(R, by_ray[q], expected, seen, away, s, J[q])
+        e[q] = pixel + offset[q]
+        E[q] = dot(by_point, by_depth) - before_by_s[q]
+    return True
+
+
+@step_kernel
+def _add_weighted(covariance, inflation, s_variance, e, E, J, H, g):
+    """Add a residual to the normal equations, with Student's robust weight.
+
+    The function returns the squared residual divided by its variance; infinite, and nothing is
+    added, if the covariance is not positive definite.
+    """
+    uu = covariance[0] * inflation + s_variance * E[0] * E[0]
+    uv = covariance[1] * inflation + s_variance * E[0] * E[1]
+    vv = covariance[2] * inflation + s_variance * E[1] * E[1]
+    det = uu * vv - uv * uv
+    if not det > 0.0:
+        return math.inf
+    uu, uv, vv = vv / det, -uv / det, uu / det
+    square = uu * e[0] * e[0] + 2.0 * uv * e[0] * e[1] + vv * e[1] * e[1]
+    weight = (STUDENT_FREEDOM + 2.0) / (STUDENT_FREEDOM + square)
+    for i in range(6):
+        w0 = weight * (uu * J[0, i] + uv * J[1, i])
+        w1 = weight * (uv * J[0, i] + vv * J[1, i])
+        g[i] += w0 * e[0] + w1 * e[1]
+        for n in range(6):
+            H[i, n] += w0 * J[0, n] + w1 * J[1, n]
+    return square
 
 
 @loop_kernel
@@ -145,12 +113,11 @@ def locate(
         Robust cost before the last step, and number of points in the cost. The number is 0 if the
         equations of a step were singular.
     """
-    J, m = np.empty((2, 6)), np.empty((2, 3))
+    J, L, unit = np.empty((2, 6)), np.empty((6, 6)), np.empty(6)
     e, E = np.empty(2), np.empty(2)
     g, step, twist = np.empty(6), np.empty(6), np.zeros(6)
     cost, count = 0.0, 0
     for k in range(len(inflations)):
-        inflation = inflations[k]
         if seconds > 0.0:
             _velocity(R, R0, p, p0, 1.0 / seconds, twist)
         cost, count = 0.0, 0
@@ -158,33 +125,21 @@ def locate(
         g[:] = 0.0
         for o in range(len(s)):
             squares[o] = math.inf
-            is_seen = _linearise(
+            if _linearise(
                 R, p, twist, row_phase[o] * readout, offsets[o], expected[o], by_ray[o],
-                X[o], s[o], base[o], before_by_s[o], J, m, e, E,
-            )  # fmt: skip
-            if not is_seen:
-                continue
-            uu = covariances[o, 0] * inflation + s_variance[o] * E[0] * E[0]
-            uv = covariances[o, 1] * inflation + s_variance[o] * E[0] * E[1]
-            vv = covariances[o, 2] * inflation + s_variance[o] * E[1] * E[1]
-            det = uu * vv - uv * uv
-            if not det > 0.0:
-                continue
-            uu, uv, vv = vv / det, -uv / det, uu / det
-            square = uu * e[0] * e[0] + 2.0 * uv * e[0] * e[1] + vv * e[1] * e[1]
-            squares[o] = square
-            weight = (STUDENT_FREEDOM + 2.0) / (STUDENT_FREEDOM + square)
-            cost += 0.5 * (STUDENT_FREEDOM + 2.0) * math.log(1.0 + square / STUDENT_FREEDOM)
-            count += 1
-            for i in range(6):
-                w0 = weight * (uu * J[0, i] + uv * J[1, i])
-                w1 = weight * (uv * J[0, i] + vv * J[1, i])
-                g[i] += w0 * e[0] + w1 * e[1]
-                for n in range(6):
-                    H[i, n] += w0 * J[0, n] + w1 * J[1, n]
-        if not _solved(H, g, step):
+                X[o], s[o], base[o], before_by_s[o], J, e, E,
+            ):  # fmt: skip
+                squares[o] = _add_weighted(
+                    covariances[o], inflations[k], s_variance[o], e, E, J, H, g
+                )
+            if squares[o] < math.inf:
+                square = squares[o] / STUDENT_FREEDOM
+                cost += 0.5 * (STUDENT_FREEDOM + 2.0) * math.log(1.0 + square)
+                count += 1
+        if not factorised(H, WINDOW_RIDGE, unit, L):
             return cost, 0
-        _rotate(R, -step[0], -step[1], -step[2])
+        solved(L, unit, g, step)
+        apply_rotation_step(R, -step[0], -step[1], -step[2], R)
         for i in range(3):
             p[i] -= step[3 + i]
     return cost, count
