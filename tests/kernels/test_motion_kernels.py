@@ -14,7 +14,6 @@ from numba.core.runtime.nrt import rtsys
 from farpoint._kernels import motion_refinement
 from farpoint._kernels.compile import kernel
 from farpoint._kernels.constants import (
-    CORRELATED_Z,
     LONG_TAIL,
     MAX_SEARCHED,
     MIN_SIGNAL,
@@ -22,7 +21,6 @@ from farpoint._kernels.constants import (
     SHORT_TAIL,
 )
 from farpoint._kernels.covariance import covariance_here, step_with_shrunk_flow
-from farpoint._kernels.design_effect import correlation_and_design_effect, design_effect
 from farpoint._kernels.five_rays import SearchBudget
 from farpoint._kernels.hypothesis_comparison import is_secondary_mode
 from farpoint._kernels.likelihood import evaluate_residuals
@@ -30,7 +28,6 @@ from farpoint._kernels.motion import fit_motion
 from farpoint._kernels.motion_refinement import MotionBuffers, MotionSummary, refine_motion
 from farpoint._kernels.pose import LinearisationPoint, Pose
 from farpoint._kernels.refinement import refine_pose
-from farpoint._kernels.residual_correlation import neighbour_correlation
 from farpoint.geometry import so3
 
 HALF_WIDTH, LEAST_SIGNAL = 500.0, 0.4
@@ -205,27 +202,6 @@ def test_flow_that_is_mostly_noise_is_shrunk_and_the_motion_takes_a_step(least_s
         linearisation_point(view.pairs, found), residual, *np.empty((2, len(residual)))
     )
     np.testing.assert_allclose(found.per_match[1], residual, rtol=1e-12)
-
-
-@pytest.mark.parametrize("share", [0.0, 1.0])
-def test_the_design_effect_is_that_of_the_inliers(share):
-    view, rng = two_views(8, 300, noise_rad=1e-3), np.random.default_rng(8)
-    view.rays1[:40] = np.roll(view.rays1[:40], 1, axis=0)
-    view.rays1[:, 1] += 3e-3 * share * np.sin(20.0 * view.rays0[:, 0])
-    view.rays1[:, 1] += 1e-3 * rng.normal(size=300)
-    found, _, _ = find(view)
-    rows = np.flatnonzero(found.per_match[3, :300] > 0.5)
-    residual, sigma = found.per_match[1], np.sqrt(found.mixture[0])
-    correlation = neighbour_correlation(view.pairs, residual, rows, sigma, 400)
-    told, z_score, effect = correlation_and_design_effect(
-        view.pairs, residual, found.per_match[3], 300, sigma
-    )
-    assert (told, z_score) == (correlation, np.sqrt(len(rows)) * correlation)
-    if share:
-        assert z_score > 2.0 * CORRELATED_Z
-        assert effect == design_effect(view.pairs, residual, rows, sigma) > 2.0
-    else:
-        assert (z_score < CORRELATED_Z, effect) == (True, 1.0)
 
 
 @pytest.mark.parametrize("matches", [60, 2 * MAX_SEARCHED])

@@ -14,7 +14,9 @@ MAX_QUERIED = 200
 
 def correlation(view: View, residual: np.ndarray, inlier: np.ndarray | None = None) -> float:
     rows = np.arange(view.size) if inlier is None else np.flatnonzero(inlier > 0.5)
-    return neighbour_correlation(view.pairs, residual, rows, 1.0, MAX_QUERIED)
+    rows = rows[np.argsort(view.rays0[rows, 0], kind="stable")]
+    bounded = np.clip(residual[rows], -3.0, 3.0)
+    return neighbour_correlation(view.pairs, rows, bounded, MAX_QUERIED)
 
 
 def test_independent_noise_is_uncorrelated():

@@ -468,24 +468,7 @@ REPEAT_AVERAGE_ABOVE = 1.1
 # of the second-order expansion. Chosen: (12 deg)^2.
 MAX_DIRECTION_VARIANCE = math.radians(12.0) ** 2
 
-# --- Correlated residuals and halves
-
-# Upper bound of the number of inliers whose neighbour is searched for. Chosen.
-MAX_NEIGHBOUR_QUERIES = 400
-
-# Least number of inliers for a correlation of residuals. Chosen.
-MIN_CORRELATED_MATCHES = 50
-
-# Limit of the correlation of neighbouring residuals times the square root of their number. For
-# independent noise this product has a standard deviation of 1.1. Derived: 1 % of cases exceed the
-# limit.
-CORRELATED_Z = 2.5
-
-# Number of times that every part of the image is split in two. Chosen.
-IMAGE_SPLITS = np.int64(4)
-
-# Number of parts of the image. Derived.
-IMAGE_PARTS = 2 ** int(IMAGE_SPLITS)
+# --- Halves of the matches
 
 # Upper bound of the split-half ratio of one split. Chosen.
 MAX_SPLIT_RATIO = 50.0

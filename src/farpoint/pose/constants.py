@@ -168,6 +168,17 @@ NOISE_FLOORS = np.array([0.0, 0.03, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4, 13.0, 50.
 # Standard deviation of a normal distribution divided by its median absolute deviation. Derived.
 MAD_TO_SIGMA = 1.4826
 
+# Upper bound of the number of inliers whose neighbour is searched for. Chosen.
+MAX_NEIGHBOUR_QUERIES = 400
+
+# Least number of inliers for a correlation of residuals. Chosen.
+MIN_CORRELATED_MATCHES = 50
+
+# Limit of the correlation of neighbouring residuals times the square root of their number. For
+# independent noise this product has a standard deviation of 1.1. Derived: 1 % of cases exceed the
+# limit.
+CORRELATED_Z = 2.5
+
 # Factor on the design effect for errors that are correlated over more than 1/4 of the image's width
 # and height, the size of the parts of the image that the design effect compares. Measured on
 # rendered streets with OpenCV's Lucas-Kanade tracker. Held by

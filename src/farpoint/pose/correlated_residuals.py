@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from farpoint._kernels.constants import CORRELATED_Z, GATE_SIGMA
+from farpoint._kernels.constants import GATE_SIGMA
 from farpoint._kernels.covariance import finite_sample_inflation
-from farpoint.pose.constants import DESIGN_EFFECT_FREEDOM, SMOOTH_ERROR_FACTOR
+from farpoint.pose.constants import CORRELATED_Z, DESIGN_EFFECT_FREEDOM, SMOOTH_ERROR_FACTOR
 from farpoint.pose.general_motion import GeneralMotionFit
 from farpoint.pose.matches import Matches
 

@@ -25,7 +25,6 @@ from farpoint._kernels.constants import (
     START_REPEATED_SHARE,
     START_TAIL_SHARE,
 )
-from farpoint._kernels.design_effect import correlation_and_design_effect
 from farpoint._kernels.five_rays import SearchBudget
 from farpoint._kernels.likelihood import evaluate_residuals
 from farpoint._kernels.motion import fit_motion
@@ -36,6 +35,7 @@ from farpoint.pose.constants import EFFECTIVE_PER_ROOT, IDENTITY, MAX_FLOW_NOISE
 from farpoint.pose.matches import Matches
 from farpoint.pose.noise import Noise
 from farpoint.pose.options import RelativePoseOptions
+from farpoint.pose.residual_correlation import ResidualCorrelation
 from farpoint.pose.result import RelativePose
 
 __all__ = [
@@ -50,25 +50,6 @@ __all__ = [
     "refit_general_motion",
     "start_at",
 ]
-
-
-class ResidualCorrelation(NamedTuple):
-    """Correlation between the residuals of neighbouring inliers.
-
-    Attributes
-    ----------
-    correlation : float
-        Correlation coefficient; 0 for few inliers.
-    z_score : float
-        z-score of the correlation under the hypothesis of independent noise.
-    design_effect : float
-        Variance of sums of residuals over parts of the image, divided by the variance of such sums
-        for independent residuals; 1 if the z-score is below `CORRELATED_Z`.
-    """
-
-    correlation: float
-    z_score: float
-    design_effect: float
 
 
 class Start(NamedTuple):
@@ -185,12 +166,8 @@ class GeneralMotionFit:
     @cached_property
     def neighbours(self) -> ResidualCorrelation:
         """Correlation between the residuals of neighbouring inliers."""
-        count, sigma = len(self.matches), self.noise.sigma
-        return ResidualCorrelation(
-            *correlation_and_design_effect(
-                self.matches.pairs, self.per_match[1], self.per_match[3], count, sigma
-            )
-        )
+        residual = self.residual / self.noise.sigma
+        return ResidualCorrelation.of(self.matches, residual, self.probability)
 
     @property
     def residual(self) -> np.ndarray:
