@@ -12,9 +12,9 @@ from farpoint._kernels.constants import (
     LENS_LINEAR_SIGMA,
     STUDENT_FREEDOM,
 )
+from farpoint._kernels.explained_flow import explain_by_rotation
 from farpoint._kernels.lens_errors import (
     RaysWithErrors,
-    explain_by_rotation,
     lens_sensitivity,
     rays_with_errors,
 )

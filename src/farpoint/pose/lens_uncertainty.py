@@ -18,9 +18,9 @@ import scipy
 
 from farpoint._kernels.compile import AnnouncedCompilation
 from farpoint._kernels.constants import COARSE_STEPS
+from farpoint._kernels.explained_flow import explain_by_rotation
 from farpoint._kernels.lens_errors import (
     RaysWithErrors,
-    explain_by_rotation,
     lens_sensitivity,
     rays_with_errors,
 )

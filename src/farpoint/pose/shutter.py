@@ -31,7 +31,7 @@ from farpoint._kernels.row_rotation import RowMotion, unroll_rays
 from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.geometry import so3
-from farpoint.pose.matches import check_camera, checked_rows
+from farpoint.pose.given import check_camera, checked_rows
 
 __all__ = ["Shutter", "VelocityPrior", "shutter_of"]
 
