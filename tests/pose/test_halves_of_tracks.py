@@ -9,7 +9,7 @@ import pytest
 from pose_kit import estimate, point_scene
 
 from farpoint import PoseStatus, RelativePose, RelativePoseOptions, estimate_relative_pose
-from farpoint.pose.covariance import split_half_ratio_of_rotation
+from farpoint.pose.inflation import split_half_ratio_of_rotation
 from farpoint.pose.matches import matches_from_points
 from farpoint.pose.pure_rotation import fit_pure_rotation
 from farpoint.synthetic import PointScene

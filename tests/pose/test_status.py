@@ -20,9 +20,9 @@ from farpoint import (
 )
 from farpoint.camera import Pinhole
 from farpoint.geometry import so3
-from farpoint.pose import failed_pose, pure_rotation_conclusion
+from farpoint.pose import failed_pose
 from farpoint.pose.constants import INDEPENDENT_TESTS
-from farpoint.pose.general_motion import fit_general_motion
+from farpoint.pose.general_motion import GeneralMotionFit, fit_general_motion
 from farpoint.pose.matches import matches_from_points
 from farpoint.pose.model_selection import is_motion, is_static, translation_evidence
 from farpoint.synthetic import PointScene, paper_camera
@@ -242,7 +242,7 @@ def test_weak_evidence_for_a_motion_without_a_rotation_leaves_the_pure_rotation(
     turned = [scene for scene in drawn if "Pure rotation or" in estimate(scene).reason]
     assert len(turned) > 20
     unsure = np.full((5, 5), np.inf)
-    monkeypatch.setattr(pure_rotation_conclusion, "general_motion_covariance", lambda _: unsure)
+    monkeypatch.setattr(GeneralMotionFit, "averaged_covariance", unsure)
     for scene in turned:
         assert "Pure rotation or" in estimate(scene).reason
 

@@ -25,13 +25,20 @@ from farpoint._kernels.constants import (
     START_REPEATED_SHARE,
     START_TAIL_SHARE,
 )
+from farpoint._kernels.covariance import covariance_around
 from farpoint._kernels.five_rays import SearchBudget
 from farpoint._kernels.likelihood import evaluate_residuals
 from farpoint._kernels.motion import fit_motion
 from farpoint._kernels.motion_refinement import MotionBuffers, MotionSummary, refine_motion
 from farpoint._kernels.pairs import packed_length
 from farpoint._kernels.pose import LinearisationPoint, PackedMatches, Pose
-from farpoint.pose.constants import EFFECTIVE_PER_ROOT, IDENTITY, MAX_FLOW_NOISE_SHARE
+from farpoint.pose.constants import (
+    EFFECTIVE_PER_ROOT,
+    IDENTITY,
+    LINEAR_DIRECTION_SIGMA,
+    MAX_FLOW_NOISE_SHARE,
+)
+from farpoint.pose.information import positive
 from farpoint.pose.matches import Matches
 from farpoint.pose.noise import Noise
 from farpoint.pose.options import RelativePoseOptions
@@ -168,6 +175,32 @@ class GeneralMotionFit:
         """Correlation between the residuals of neighbouring inliers."""
         residual = self.residual / self.noise.sigma
         return ResidualCorrelation.of(self.matches, residual, self.probability)
+
+    @cached_property
+    def averaged_covariance(self) -> np.ndarray:
+        """Covariance (5, 5) of ``[dtheta, dbeta]``, rad^2, in the `tangent_basis` of the direction.
+
+        The covariance is the sandwich ``H^-1 V H^-1``. H is the Hessian of the expected negative
+        log likelihood, and V is the variance of the gradient. H is the Gauss-Newton matrix minus a
+        correction: because the depths are also estimated, noise in the flow increases the
+        Gauss-Newton matrix like true flow. V is a weighted mean of two matrices: the Gauss-Newton
+        matrix, which is correct if the noise model is true, and the scatter of the gradient over
+        the matches, which is correct for any noise. The weight of the scatter increases with the
+        effective number of matches.
+
+        If the direction is uncertain, H depends on the pose: a small error of the rotation
+        lengthens the flow of all matches and increases the information. If the root of the sum of
+        the variances of the direction exceeds `LINEAR_DIRECTION_SIGMA`, the covariance is therefore
+        averaged over the poses within one sigma.
+        """
+        covariance = self.covariance
+        if LINEAR_DIRECTION_SIGMA**2 < covariance[3, 3] + covariance[4, 4] < math.inf:
+            averaged, inliers = np.empty((5, 5)), float(np.add.reduce(self.probability))
+            matches, prior = self.matches, self.per_match[0]
+            point = linearisation_point(self, matches.outlier_half_width, matches.pairs, prior)
+            covariance_around(point, inliers, self.has_shrunk_flow, covariance, averaged)
+            covariance = averaged
+        return positive(covariance)
 
     @property
     def residual(self) -> np.ndarray:

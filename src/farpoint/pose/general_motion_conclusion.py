@@ -14,7 +14,7 @@ from farpoint.pose import conclusion
 from farpoint.pose.certainty import direction_sigma, fixes_rotation
 from farpoint.pose.conclusion import Diagnostics, full_labels
 from farpoint.pose.constants import UNOBSERVABLE_NOISE_SHARE
-from farpoint.pose.covariance import (
+from farpoint.pose.inflation import (
     shared_covariance,
     split_half_ratio,
 )

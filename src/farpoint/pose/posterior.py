@@ -40,7 +40,6 @@ from farpoint.pose.constants import (
     UNDECIDED_LOG_RATIO,
     UNDECIDED_MATCHES,
 )
-from farpoint.pose.covariance import general_motion_covariance
 from farpoint.pose.general_motion import GeneralMotionFit, packed_pose, refit_general_motion
 from farpoint.pose.matches import Matches
 from farpoint.pose.pure_rotation import PureRotationFit
@@ -144,10 +143,10 @@ class Posterior(NamedTuple):
 
     def covariance(self) -> np.ndarray:
         """Covariance (5, 5), rad^2, of the likeliest motion and of the other motion of a plane."""
-        covariance = general_motion_covariance(self.fit)
-        if self.of_plane is not None and not self.has_other_direction:
-            covariance += self.of_plane.covariance_beside(self.fit)
-        return covariance
+        covariance = self.fit.averaged_covariance
+        if self.of_plane is None or self.has_other_direction:
+            return covariance
+        return covariance + self.of_plane.covariance_beside(self.fit)
 
 
 def covariance_between(apart: np.ndarray, probability: float) -> np.ndarray:
@@ -238,7 +237,7 @@ def _alternative(best: GeneralMotionFit, other: GeneralMotionFit) -> Alternative
 
 def _has_uncertain_direction(fit: GeneralMotionFit) -> bool:
     """Whether a fit shows a direction that is so uncertain that there may be another mode."""
-    sigma = direction_sigma(general_motion_covariance(fit))
+    sigma = direction_sigma(fit.averaged_covariance)
     return fit.shows_direction and LINEAR_DIRECTION_SIGMA < sigma < MAX_DIRECTION_SIGMA
 
 

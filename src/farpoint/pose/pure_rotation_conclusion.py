@@ -11,12 +11,11 @@ from farpoint.pose import conclusion
 from farpoint.pose.certainty import fixes_rotation
 from farpoint.pose.conclusion import Diagnostics, label_matches
 from farpoint.pose.constants import FAR_LESS_NOISE_RATIO, IDENTITY, ROTATION_PARAMETERS
-from farpoint.pose.covariance import (
-    general_motion_covariance,
+from farpoint.pose.general_motion import GeneralMotionFit
+from farpoint.pose.inflation import (
     shared_covariance,
     split_half_ratio_of_rotation,
 )
-from farpoint.pose.general_motion import GeneralMotionFit
 from farpoint.pose.matches import Matches
 from farpoint.pose.model_selection import is_consensus, is_static
 from farpoint.pose.options import RelativePoseOptions
@@ -103,5 +102,5 @@ def _covariance_if_general(fit: PureRotationFit, general: GeneralMotionFit) -> n
     """
     apart = rotation_vector(fit.R_cam1_from_cam0 @ general.R_cam1_from_cam0.T)
     isotropic = 0.5 * math.hypot(*apart) ** 2 * IDENTITY
-    own = general.matches.design_effect * general_motion_covariance(general)[:3, :3]
+    own = general.matches.design_effect * general.averaged_covariance[:3, :3]
     return isotropic + own if fixes_rotation(own) else isotropic

@@ -1,4 +1,4 @@
-"""Covariance of rotation and direction, and factors on the covariance for correlated residuals."""
+"""Factors on a covariance for correlated residuals, and the covariance of a shared error."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from farpoint._kernels.constants import (
     MAX_SPLIT_RATIO,
     MIN_MATCHES,
 )
-from farpoint._kernels.covariance import covariance_around
 from farpoint._kernels.image_parts import split_parts
 from farpoint._kernels.split_halves import pose_difference_ratio
 from farpoint.geometry.so3 import rotation_vector
@@ -19,43 +18,19 @@ from farpoint.geometry.vectors import median
 from farpoint.pose.certainty import fixes_rotation
 from farpoint.pose.constants import (
     INDEPENDENT_SPLIT_RATIO,
-    LINEAR_DIRECTION_SIGMA,
     MIN_SPLIT_MATCHES,
 )
-from farpoint.pose.general_motion import GeneralMotionFit, linearisation_point, packed_pose
+from farpoint.pose.general_motion import GeneralMotionFit, packed_pose
 from farpoint.pose.image_parts import parts_of
-from farpoint.pose.information import positive
 from farpoint.pose.matches import Matches
 from farpoint.pose.pure_rotation import PureRotationFit, fit_pure_rotation
 from farpoint.pose.small import size2
 
 __all__ = [
-    "general_motion_covariance",
     "shared_covariance",
     "split_half_ratio",
     "split_half_ratio_of_rotation",
 ]
-
-
-def general_motion_covariance(fit: GeneralMotionFit) -> np.ndarray:
-    """Covariance (5, 5) of ``[dtheta, dbeta]``, rad^2, in the `tangent_basis` of the direction.
-
-    The covariance is the sandwich ``H^-1 V H^-1``. H is the Hessian of the expected negative log
-    likelihood, and V is the variance of the gradient. H is the Gauss-Newton matrix minus a
-    correction: because the depths are also estimated, noise in the flow increases the Gauss-Newton
-    matrix like true flow. V is a weighted mean of two matrices: the Gauss-Newton matrix, which is
-    correct if the noise model is true, and the scatter of the gradient over the matches, which is
-    correct for any noise. The weight of the scatter increases with the effective number of matches.
-
-    If the direction is uncertain, H depends on the pose: a small error of the rotation lengthens
-    the flow of all matches and increases the information. If the root of the sum of the variances
-    of the direction exceeds `LINEAR_DIRECTION_SIGMA`, the covariance is therefore averaged over the
-    poses within one sigma.
-    """
-    covariance = fit.covariance
-    if LINEAR_DIRECTION_SIGMA**2 < covariance[3, 3] + covariance[4, 4] < math.inf:
-        covariance = _averaged(fit, covariance)
-    return positive(covariance)
 
 
 def split_half_ratio(fit: GeneralMotionFit, splits: int) -> float | None:
@@ -111,15 +86,6 @@ def split_half_ratio_of_rotation(
 def _can_split(matches: Matches, splits: int) -> bool:
     """Whether splits are requested and there are enough matches."""
     return splits > 0 and len(matches) >= MIN_SPLIT_MATCHES
-
-
-def _averaged(fit: GeneralMotionFit, covariance: np.ndarray) -> np.ndarray:
-    """Mean of the covariance over the poses within one sigma of the given covariance."""
-    averaged, inliers = np.empty((5, 5)), float(np.add.reduce(fit.probability))
-    matches = fit.matches
-    point = linearisation_point(fit, matches.outlier_half_width, matches.pairs, fit.per_match[0])
-    covariance_around(point, inliers, fit.has_shrunk_flow, covariance, averaged)
-    return averaged
 
 
 def shared_covariance(matches: Matches, sigma: float) -> np.ndarray:
