@@ -115,7 +115,8 @@ MIN_NOISE_MATCHES = 30
 
 # --- Iterations
 
-# Upper bound of the iterations of Newton, Gauss-Newton and EM, which end by convergence. Chosen.
+# Upper bound of the iterations of Newton, Gauss-Newton and EM, and of the sweeps of Jacobi's
+# method, which end by convergence. Chosen.
 MAX_ITERATIONS = np.int64(20)
 
 # Upper bound of the steps of a coarse refinement: of a hypothesis, of a pose by half of the
@@ -159,9 +160,6 @@ FINE_TOLERANCE = 1e-3
 # Predicted decrease of the cost, in log likelihood, at which the refinement by half of the matches
 # ends. Chosen: a step far below the sigma of the pose from half of the matches.
 HALF_TOLERANCE = 1e-2
-
-# Upper bound of the sweeps of Jacobi's method. Chosen: five are usual.
-JACOBI_SWEEPS = 30
 
 # --- Vector instructions and packed matches
 

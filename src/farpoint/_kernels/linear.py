@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, step_kernel
-from farpoint._kernels.constants import JACOBI_SWEEPS
+from farpoint._kernels.constants import MAX_ITERATIONS
 from farpoint._kernels.normal_equations import sandwich_five
 from farpoint._kernels.vectors import (
     Vector,
@@ -127,7 +127,7 @@ def eigen_five(A: np.ndarray, axes: np.ndarray) -> None:
             axes[i, j] = 1.0 if i == j else 0.0
     is_diagonal = False
     sweeps = 0
-    while not is_diagonal and sweeps < JACOBI_SWEEPS:
+    while not is_diagonal and sweeps < MAX_ITERATIONS:
         sweeps += 1
         is_diagonal = True
         for p in range(4):
