@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from farpoint.geometry import sphere
 from farpoint.pose.constants import CORRELATED_Z, PART_SPLITS
@@ -99,6 +100,16 @@ def test_only_inliers_count_and_each_up_to_three_sigma(share):
     )
     given = np.concatenate([np.full(40, 50.0), residual]), np.repeat([0.1, 0.9], [40, 300])
     assert ResidualCorrelation.of(among, *given) == pytest.approx(alone)
+
+
+def test_the_correlation_is_that_of_the_nearest_inliers_in_any_order():
+    rng, rays = np.random.default_rng(12), rays_of(12, 300)
+    residual = rng.normal(size=300) + np.sin(5.0 * rays[:, 0])
+    found = ResidualCorrelation.of(matches_from_rays(rays, rays, 1e-3), residual, np.ones(300))
+    _, nearest = cKDTree(rays).query(rays, k=2)
+    bounded = np.clip(residual, -3.0, 3.0)
+    expected = bounded @ bounded[nearest[:, 1]] / (bounded @ bounded)
+    assert found.correlation == pytest.approx(expected)
 
 
 def test_few_inliers_have_no_correlation():
