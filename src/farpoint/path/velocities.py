@@ -35,8 +35,9 @@ class _Unfinished(NamedTuple):
 class KeyframeVelocities:
     """Velocities of keyframes, in the format of `Keyframe.twist`.
 
-    The velocity at a keyframe is interpolated between mean velocities over the intervals between
-    frames, of which the last two come after the keyframe (`velocity_between`).
+    The velocity at a keyframe is interpolated from mean velocities over four intervals between
+    frames: two before the keyframe and two after it (`velocity_between`). Until the fourth interval
+    is known, it is the mean of the velocities over the intervals before and after the keyframe.
 
     Attributes
     ----------
