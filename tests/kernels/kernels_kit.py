@@ -53,9 +53,10 @@ def matches_of(
     view: View, half_width: float, prior: np.ndarray | None = None, *, soft_cheirality: bool
 ) -> PackedMatches:
     """Packed matches with prior 1, or with a given packed ``prior``."""
-    prior = packed(np.ones(view.size)) if prior is None else prior
+    odds = packed(np.ones(view.size))
+    prior = odds.copy() if prior is None else prior
     return PackedMatches(
-        view.pairs, prior, view.size, half_width, LONG_TAIL, 1e-6, math.inf, soft_cheirality
+        view.pairs, prior, odds, view.size, half_width, LONG_TAIL, 1e-6, math.inf, soft_cheirality
     )
 
 

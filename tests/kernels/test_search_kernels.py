@@ -395,7 +395,7 @@ def start_from(
 def test_the_initial_noise_is_at_most_the_default(best, is_known):
     nothing, found = np.empty((2, 4))
     matches = PackedMatches(
-        np.empty(0), np.empty(0), 20, 100.0, SHORT_TAIL, 1e-6, math.inf, soft_cheirality=True
+        *np.empty((3, 0)), 20, 100.0, SHORT_TAIL, 1e-6, math.inf, soft_cheirality=True
     )
     pose = Pose(np.eye(3), np.zeros(3), np.array(best), np.zeros((6, 6)), np.zeros(1))
     start_from(matches, pose, 3.0, nothing, found)

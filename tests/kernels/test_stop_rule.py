@@ -98,7 +98,7 @@ def drawn(monkeypatch):
             monkeypatch.setattr(search, name, mock)
         empty, everyone = np.ones(9), np.ones(MATCHES)
         matches = PackedMatches(
-            empty, everyone, MATCHES, 100.0, SHORT_TAIL, 1e-6, math.inf, soft_cheirality=True
+            empty, everyone, everyone, MATCHES, 100.0, SHORT_TAIL, 1e-6, math.inf, True
         )
         budget = five_rays.SearchBudget(3.0, CONFIDENCE, least, most)
         poses = [Pose(*(empty.copy() for _ in Pose._fields)) for _ in range(2)]
@@ -191,7 +191,7 @@ def test_the_second_motion_of_a_plane_has_the_planar_margin(monkeypatch, outcome
         monkeypatch.setattr(search, name, mock)
     empty = np.ones(9)
     matches = PackedMatches(
-        empty, empty, 640, 100.0, SHORT_TAIL, 1e-6, math.inf, soft_cheirality=True
+        empty, empty, empty, 640, 100.0, SHORT_TAIL, 1e-6, math.inf, soft_cheirality=True
     )
     poses = [Pose(*(empty.copy() for _ in Pose._fields)) for _ in range(3)]
     is_planar = interpreted(search._search_ambiguous_motions)(matches, *poses)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from farpoint._kernels.arrays import copy
 from farpoint._kernels.compile import kernel, step_kernel
 from farpoint._kernels.constants import (
     ALTERNATIONS,
@@ -121,6 +122,7 @@ def searched_matches(some: np.ndarray, matches: PackedMatches) -> PackedMatches:
     )
     return PackedMatches(
         some,
+        prior,
         prior,
         total,
         half_width,
@@ -259,11 +261,12 @@ def _label_and_count(
 @step_kernel
 def _with_noise(matches: PackedMatches, pairs: np.ndarray) -> PackedMatches:
     """The matches with other panels, ``pairs``, which have other noise."""
-    total, half_width, long_tail, prior = (
+    total, half_width, long_tail, prior, odds = (
         matches.total,
         matches.outlier_half_width,
         matches.long_tail,
         matches.prior,
+        matches.odds,
     )
     min_variance, max_variance, soft_cheirality = (
         matches.min_variance,
@@ -271,7 +274,15 @@ def _with_noise(matches: PackedMatches, pairs: np.ndarray) -> PackedMatches:
         matches.soft_cheirality,
     )
     return PackedMatches(
-        pairs, prior, total, half_width, long_tail, min_variance, max_variance, soft_cheirality
+        pairs,
+        prior,
+        odds,
+        total,
+        half_width,
+        long_tail,
+        min_variance,
+        max_variance,
+        soft_cheirality,
     )
 
 
@@ -314,17 +325,24 @@ def _refine(
 
 @step_kernel
 def _update_prior(matches: PackedMatches, buffers: MotionBuffers) -> float:
-    """Fit the prior by `parallax_prior.fit_parallax_prior`, starting from a uniform prior."""
-    _leave_out_none(matches.prior, matches.total)
+    """Fit the prior by `parallax_prior.fit_parallax_prior`, starting from a uniform prior.
+
+    The prior is multiplied by the odds of the matches.
+    """
+    prior, odds = matches.prior, matches.odds
+    copy(odds, prior)
     _evaluate_residuals(matches, buffers)
     parallax, inlier, sigma = (
         buffers.per_match[2],
         buffers.per_match[3],
         math.sqrt(buffers.mixture[0]),
     )
-    return fit_parallax_prior(
-        parallax, inlier, matches.total, sigma, matches.outlier_half_width, matches.prior
+    end = fit_parallax_prior(
+        parallax, inlier, matches.total, sigma, matches.outlier_half_width, prior
     )
+    for i in range(odds.size):
+        prior[i] *= odds[i]
+    return end
 
 
 @step_kernel

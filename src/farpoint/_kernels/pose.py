@@ -30,6 +30,8 @@ class PackedMatches(NamedTuple):
     """Panels of matches; see `pairs`."""
     prior: np.ndarray
     """Factor on the inlier density of each match; 0 leaves the match out."""
+    odds: np.ndarray
+    """Prior odds of each match, divided by those of all matches; 0 for filler."""
     total: int
     """Number of matches."""
     outlier_half_width: float

@@ -115,7 +115,7 @@ def _refine_by(
         matches.soft_cheirality,
     )
     some = PackedMatches(
-        pairs, prior, rows.size, half_width, long_tail, least, most, soft_cheirality
+        pairs, prior, prior, rows.size, half_width, long_tail, least, most, soft_cheirality
     )
     refine_pose(some, HALF_TOLERANCE, COARSE_STEPS, pose)
     return True

@@ -12,6 +12,7 @@ from farpoint._kernels.constants import POSE_PARAMETERS
 from farpoint.geometry.so3 import rotation_vector
 from farpoint.pose import conclusion
 from farpoint.pose.certainty import direction_sigma, fixes_rotation
+from farpoint.pose.clustered_outliers import count_clustered_outliers
 from farpoint.pose.conclusion import Diagnostics, full_labels
 from farpoint.pose.constants import UNOBSERVABLE_NOISE_SHARE
 from farpoint.pose.inflation import (
@@ -52,6 +53,8 @@ def conclude_general_motion(
     diagnostics.time_stage("refinement_s")
     if not is_motion(fit, rate):
         return conclusion.no_consensus(matches, fit.agreeing, diagnostics)
+    fit = count_clustered_outliers(matches, fit)
+    posterior = posterior._replace(fit=fit)
     covariance = _inflated_covariance(matches, posterior, options, diagnostics, errors)
     diagnostics.time_stage("covariance_s")
     if not fixes_rotation(covariance[:3, :3]):

@@ -83,6 +83,9 @@ class Matches:
     max_variance : float
         Upper bound of the noise variance, infinite for no bound. A finite bound excludes a heavy
         tail.
+    prior_odds : ndarray, shape (N,), or None
+        Prior odds of each match to be an inlier, divided by those of all matches; None for equal
+        odds.
     """
 
     pairs: np.ndarray
@@ -95,6 +98,7 @@ class Matches:
     given_noise: GivenNoise | None = None
     min_variance: float = MIN_NOISE_VARIANCE
     max_variance: float = math.inf
+    prior_odds: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.index)
@@ -125,6 +129,7 @@ class Matches:
             design_effect=self.design_effect,
             min_variance=self.min_variance,
             max_variance=self.max_variance,
+            prior_odds=None if self.prior_odds is None else self.prior_odds[rows],
         )
 
     def subsample(self, most: int) -> Matches:
@@ -149,7 +154,10 @@ class Matches:
         """The matches in panels, the format of the kernels, with the ``prior`` of each match."""
         n, width = len(self), self.outlier_half_width
         least, most = self.min_variance, self.max_variance
-        return PackedMatches(self.pairs, prior, n, width, LONG_TAIL, least, most, soft_cheirality)
+        odds = self.weights() if self.prior_odds is None else self.weights(self.prior_odds)
+        return PackedMatches(
+            self.pairs, prior, odds, n, width, LONG_TAIL, least, most, soft_cheirality
+        )
 
     def weights(self, values: np.ndarray | float = 1.0) -> np.ndarray:
         """Values (N,) of the matches in the format of the kernels, padded with 0."""
