@@ -165,13 +165,12 @@ def _with_bounded_noise(
     options: RelativePoseOptions,
     state: np.ndarray,
 ) -> Iterator[tuple[GeneralMotionFit, GeneralMotionFit]]:
-    """The motion found with a bounded noise, and two possible motions of the other matches.
+    """The motion found with a bounded noise, and the motion of the other matches.
 
     The bound of the noise variance is 0.2 times the residual variance that is independent between
-    neighbours. The second motion is found in the same way from the other matches, or is ``fit``
-    refined with the other matches. There is no search if the correlation of neighbouring residuals
-    is below `SUSPECT_CORRELATION`, or if the noise sigma is below `MERGED_MODE_NOISE_RATIO` times
-    the tolerance.
+    neighbours. The second motion is found in the same way from the other matches. There is no
+    search if the correlation of neighbouring residuals is below `SUSPECT_CORRELATION`, or if the
+    noise sigma is below `MERGED_MODE_NOISE_RATIO` times the tolerance.
     """
     if (
         fit.neighbours.correlation < SUSPECT_CORRELATION
@@ -186,7 +185,6 @@ def _with_bounded_noise(
     if MIN_PART_MATCHES <= np.count_nonzero(rest) <= len(matches) - MIN_PART_MATCHES:
         others = matches.select(rest)
         yield first, fit_with_bounded_noise(others, *bound)
-        yield first, refit_general_motion(others, fit)
 
 
 def _explanation(
