@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from pose_kit import estimate, rotation_error
+from pose_kit import estimate, point_scene, rotation_error
 
 from farpoint import Camera, PoseStatus, estimate_relative_pose
 from farpoint.bench.scenes import draw_scenes
+from farpoint.geometry import so3
 from farpoint.synthetic.pairs import HardPair, stationary
 
 
@@ -94,3 +95,18 @@ def test_few_matches_are_outliers_and_most_are_the_scene(share, is_noted):
 
 def near(count: int, share: float) -> list[HardPair]:
     return drawn(count, share, baseline_m=0.1, far_share=0.0)
+
+
+def test_a_window_frame_around_the_scene_moves_with_the_camera():
+    """Stationary matches around the scene have the larger scatter, and are not the scene."""
+    for seed in range(15):
+        scene = point_scene(seed, matches=400, outliers=0, noise_px=0.2)
+        middle = np.array(scene.camera.size) / 2.0
+        apart = np.abs(scene.points0 / middle - 1.0).max(axis=1)
+        points1, frame = scene.points1.copy(), np.argsort(apart)[-160:]
+        points1[frame] = scene.points0[frame]
+        points1 += np.random.default_rng(seed).normal(0.0, 0.2, points1.shape)
+        pose = estimate_relative_pose(scene.points0, points1, scene.camera)
+        assert pose.status is PoseStatus.OK
+        assert so3.angle_between(pose.rotation_cam1_from_cam0, scene.rotation_cam1_from_cam0) < 5e-3
+        assert np.count_nonzero(pose.labels[frame]) < 0.1 * len(frame)

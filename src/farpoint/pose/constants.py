@@ -293,9 +293,5 @@ TWO_MOTIONS_MARGIN = 3.0
 # the single motion. Chosen.
 DOMINANT_SHARE = 1.0 / 3.0
 
-# Correlation of neighbouring residuals from which on a second motion is searched for in a part of
-# the matches. Chosen.
-SUSPECT_CORRELATION = 0.3
-
 # Least number of matches that follow the first of two motions, and of all other matches. Chosen.
 MIN_PART_MATCHES = 20

@@ -39,6 +39,7 @@ from farpoint._kernels.evidence import find_stationary
 from farpoint.geometry.vectors import median
 from farpoint.pose.constants import (
     CANDIDATE_SAMPLES,
+    CORRELATED_Z,
     DOMINANT_SHARE,
     MAD_TO_SIGMA,
     MAX_STATIONARY_SHARE,
@@ -47,7 +48,6 @@ from farpoint.pose.constants import (
     MIN_PART_MATCHES,
     MIN_STATIONARY_SHARE,
     SEARCH_NOISE_BOUND,
-    SUSPECT_CORRELATION,
     TWO_MOTIONS_MARGIN,
 )
 from farpoint.pose.general_motion import (
@@ -169,11 +169,11 @@ def _with_bounded_noise(
 
     The bound of the noise variance is 0.2 times the residual variance that is independent between
     neighbours. The second motion is found in the same way from the other matches. There is no
-    search if the correlation of neighbouring residuals is below `SUSPECT_CORRELATION`, or if the
-    noise sigma is below `MERGED_MODE_NOISE_RATIO` times the tolerance.
+    search if the z-score of the correlation of neighbouring residuals is below `CORRELATED_Z`, or
+    if the noise sigma is below `MERGED_MODE_NOISE_RATIO` times the tolerance.
     """
     if (
-        fit.neighbours.correlation < SUSPECT_CORRELATION
+        fit.neighbours.z_score < CORRELATED_Z
         or fit.noise.sigma < MERGED_MODE_NOISE_RATIO * tolerance
     ):
         return
@@ -245,13 +245,17 @@ def _classify(
 def _of_camera(matches: Matches, fit: GeneralMotionFit, found: _Classified) -> TwoMotions | None:
     """The explanation in which the camera has one of the two motions; None if it has neither.
 
-    The motion with more matches is tried first. The motion of the camera must have more matches
-    than `DOMINANT_SHARE` times the inliers of ``fit``, and residuals that are independent between
-    neighbours (z-score at most `GATE_SIGMA`). Stationary matches do not follow the motion of the
-    camera.
+    Of two general motions, the one whose matches have the larger scatter in the image is tried
+    first: an object is compact, and the scene is around it. Stationary matches are compared by
+    their number, and do not follow the motion of the camera. The motion of the camera must have
+    more matches than `DOMINANT_SHARE` times the inliers of ``fit``, and residuals that are
+    independent between neighbours (z-score at most `GATE_SIGMA`).
     """
     motions, counts = (found.first, found.second), np.bincount(found.follows, minlength=2)
-    for k in (0, 1) if counts[0] >= counts[1] else (1, 0):
+    sizes = [float(count) for count in counts]
+    if found.second is not None:
+        sizes = [_scatter(matches.rays0[found.follows == k]) for k in (0, 1)]
+    for k in (0, 1) if sizes[0] >= sizes[1] else (1, 0):
         camera, other = motions[k], motions[1 - k]
         if camera is None:
             return None
@@ -261,6 +265,11 @@ def _of_camera(matches: Matches, fit: GeneralMotionFit, found: _Classified) -> T
             log_ratio = found.gain / fit.neighbours.design_effect
             return TwoMotions(kept, camera, other, int(counts[1 - k]), log_ratio)
     return None
+
+
+def _scatter(rays: np.ndarray) -> float:
+    """Sum of the squared distances of rays (N, 3) from their mean."""
+    return float(np.sum(np.var(rays, axis=0))) * len(rays) if len(rays) else 0.0
 
 
 def _classification(
