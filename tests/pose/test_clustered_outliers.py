@@ -16,6 +16,8 @@ from farpoint.pose.matches import matches_from_points
 from farpoint.pose.options import DEFAULTS
 from farpoint.synthetic.pairs import HardPair, court, crossing
 
+RATE = DEFAULTS.false_alarm_rate
+
 
 def fit_of(scene: HardPair) -> GeneralMotionFit:
     matches = matches_from_points(scene.points0, scene.points1, scene.camera, scene.camera)
@@ -49,7 +51,7 @@ def test_matches_on_the_object_become_outliers_and_those_beside_it_do_not():
     for seed in range(40):
         scene = crossing(seed, share=0.2, at_rest=False)
         fit = fit_of(scene)
-        again = count_clustered_outliers(fit.matches, fit)
+        again = count_clustered_outliers(fit.matches, fit, RATE)
         wrong = scene.is_outlier[fit.matches.index]
         before += np.count_nonzero(fit.labels[wrong])
         after += np.count_nonzero(again.labels[wrong])
@@ -62,12 +64,12 @@ def test_matches_on_the_object_become_outliers_and_those_beside_it_do_not():
 def test_outliers_that_are_few_or_anywhere_change_nothing(outliers):
     for seed in range(10):
         fit = fit_of(point_scene(seed, matches=300, outliers=outliers, noise_px=0.2))
-        assert count_clustered_outliers(fit.matches, fit) is fit
+        assert count_clustered_outliers(fit.matches, fit, RATE) is fit
 
 
 def test_selected_matches_keep_their_odds():
     fit = fit_of(crossing(1, share=0.2, at_rest=False))
-    matches = count_clustered_outliers(fit.matches, fit).matches
+    matches = count_clustered_outliers(fit.matches, fit, RATE).matches
     assert matches.prior_odds is not None
     rows = np.array([3, 1, 200])
     np.testing.assert_array_equal(matches.select(rows).prior_odds, matches.prior_odds[rows])

@@ -53,7 +53,7 @@ def conclude_general_motion(
     diagnostics.time_stage("refinement_s")
     if not is_motion(fit, rate):
         return conclusion.no_consensus(matches, fit.agreeing, diagnostics)
-    fit = count_clustered_outliers(matches, fit)
+    fit = count_clustered_outliers(matches, fit, rate)
     posterior = posterior._replace(fit=fit)
     covariance = _inflated_covariance(matches, posterior, options, diagnostics, errors)
     diagnostics.time_stage("covariance_s")

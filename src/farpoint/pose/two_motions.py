@@ -39,7 +39,6 @@ from farpoint._kernels.evidence import find_stationary
 from farpoint.geometry.vectors import median
 from farpoint.pose.constants import (
     CANDIDATE_SAMPLES,
-    CORRELATED_Z,
     DOMINANT_SHARE,
     MAD_TO_SIGMA,
     MAX_STATIONARY_SHARE,
@@ -169,11 +168,11 @@ def _with_bounded_noise(
 
     The bound of the noise variance is 0.2 times the residual variance that is independent between
     neighbours. The second motion is found in the same way from the other matches. There is no
-    search if the z-score of the correlation of neighbouring residuals is below `CORRELATED_Z`, or
-    if the noise sigma is below `MERGED_MODE_NOISE_RATIO` times the tolerance.
+    search if residuals are independent between neighbours (z-score at most `GATE_SIGMA`), or if
+    the noise sigma is below `MERGED_MODE_NOISE_RATIO` times the tolerance.
     """
     if (
-        fit.neighbours.z_score < CORRELATED_Z
+        fit.neighbours.z_score <= GATE_SIGMA
         or fit.noise.sigma < MERGED_MODE_NOISE_RATIO * tolerance
     ):
         return
