@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from pose_kit import direction_error, estimate, point_scene, rotation_error
 
+from farpoint import Camera
 from farpoint.geometry.sphere import normalize
 from farpoint.metrics import chi2_quantile
 from farpoint.pose.clustered_outliers import count_clustered_outliers
@@ -60,11 +61,23 @@ def test_matches_on_the_object_become_outliers_and_those_beside_it_do_not():
     assert lost < 0.01 * 40 * 240
 
 
-@pytest.mark.parametrize("outliers", [7, 60])
-def test_outliers_that_are_few_or_anywhere_change_nothing(outliers):
-    for seed in range(10):
-        fit = fit_of(point_scene(seed, matches=300, outliers=outliers, noise_px=0.2))
+@pytest.mark.parametrize(("matches", "outliers"), [(300, 7), (300, 60), (110, 22)])
+def test_outliers_that_are_few_or_anywhere_change_nothing(matches, outliers):
+    for seed in range(20):
+        fit = fit_of(point_scene(seed, matches=matches, outliers=outliers, noise_px=0.2))
         assert count_clustered_outliers(fit.matches, fit, RATE) is fit
+
+
+def test_wrong_matches_in_a_wide_image_are_no_clusters():
+    """Their residuals are shorter than the image is wide, which looks a little like a cluster."""
+    wide = Camera.pinhole(1241, 376, 718.9, 718.9, 607.2, 185.2)
+    ahead = {"camera": wide, "noise_px": 0.2, "translation_m": (0.05, 0.02, -0.8)}
+    likelier = 0
+    for seed in range(40):
+        fit = fit_of(point_scene(seed, matches=110, outliers=22, **ahead))
+        likelier += count_clustered_outliers(fit.matches, fit, 1.0) is not fit
+        assert count_clustered_outliers(fit.matches, fit, RATE) is fit
+    assert likelier > 0
 
 
 def test_selected_matches_keep_their_odds():
